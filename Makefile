@@ -1,0 +1,48 @@
+# Two commands on a fresh machine do everything: make run, make test.
+SHELL := /bin/bash
+PYTHON ?= python3.11
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+JOBS ?= 2
+
+.DEFAULT_GOAL := help
+.PHONY: help install run test test-all lint types format bench clean
+
+help:  ## show the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
+
+$(STAMP): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt torch
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	touch $@
+
+install: $(STAMP)  ## create .venv and install everything into it
+
+run: $(STAMP)  ## train here: a learner and two PyBullet actors, shown live (Ctrl-C ends it)
+	$(BIN)/hd-learner start --actors 2
+
+test: $(STAMP)  ## the test suite without its slow tests
+	$(BIN)/python -m pytest -n $(JOBS) -m 'not slow'
+
+test-all: $(STAMP)  ## the whole test suite
+	$(BIN)/python -m pytest -n $(JOBS)
+
+lint: $(STAMP)  ## style and format
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(STAMP)  ## static types
+	$(BIN)/mypy
+
+format: $(STAMP)  ## put the code into its format
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: $(STAMP)  ## measure: decision step, simulators, inference, actors, updates, ingest, memory
+	$(BIN)/python -m benchmarks
+
+clean:  ## remove caches and the environment, never runs/
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis build *.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

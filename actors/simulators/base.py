@@ -1,0 +1,58 @@
+"""The contract of a simulated world: what comes back is what a robot would have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from actors.maps.grid_map import GridMap
+from common.geometry import Pose, Scan
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """What happened on the way to one waypoint.
+
+    Attributes:
+        pose: where the robot stands now.
+        distance: metres travelled.
+        duration: simulated seconds.
+        reached: False when the robot gave up (blocked, or the time limit of the leg ran out).
+        collisions: contacts with the world that began on this leg.
+        sensed: scans made on the way with their poses, oldest first, the arrival excluded.
+    """
+
+    pose: Pose
+    distance: float
+    duration: float
+    reached: bool
+    collisions: int = 0
+    sensed: list[tuple[Pose, Scan]] = field(default_factory=list)
+
+
+class Simulator(Protocol):
+    """A robot in one world.
+
+    Usage::
+
+        pose = simulator.reset(world, seed=3)
+        scan = simulator.scan()
+        leg = simulator.drive_to((12.0, 8.0))
+        simulator.close()
+    """
+
+    def reset(self, world: GridMap, seed: int) -> Pose:
+        """Load a world, put the robot on its start and return its pose."""
+        ...
+
+    def scan(self) -> Scan:
+        """Scan from where the robot stands."""
+        ...
+
+    def drive_to(self, waypoint: tuple[float, float]) -> Leg:
+        """Drive along the straight segment to a waypoint, metres in the map frame."""
+        ...
+
+    def close(self) -> None:
+        """Release the world; safe to call twice."""
+        ...

@@ -1,0 +1,367 @@
+"""The configuration tree: every setting of a run, typed, bounded and documented in one place.
+
+The text of a field is its documentation: `hd-learner config --describe` and docs/configuration.md are made from it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from common.ids import ID_PATTERN
+
+Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+Positive = Annotated[float, Field(gt=0.0)]
+
+
+class Section(BaseModel):
+    """Base of all sections: unknown names are errors, values never change after validation."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
+
+
+class MapsConfig(Section):
+    """Where worlds come from."""
+
+    train: tuple[str, ...] = ("generator:rooms",)
+    """Sources of training worlds: folders of PNG maps, or `generator:NAME[?key=value&...]`. Drawn evenly from all."""
+    validation: tuple[str, ...] = ("generator:rooms?seed=1000000",)
+    """Sources of validation worlds, used by evaluating actors to choose the best checkpoint. Never the bench maps."""
+    validation_count: Annotated[int, Field(ge=1, le=10_000)] = 50
+    """How many validation worlds one evaluation uses."""
+    metres_per_pixel: Positive = 0.25
+    """Scale of PNG maps."""
+
+
+class MappingConfig(Section):
+    """Belief, viewpoint graph, utility and beacons: the same in simulation and on the robot."""
+
+    resolution: Positive = 0.25
+    """Belief cell, metres."""
+    sensor_range: Positive = 20.0
+    """Range of the robot's sensor, metres; longer readings count as 'nothing met' at this range."""
+    viewpoint_spacing: Positive = 4.0
+    """Distance between neighbouring viewpoints of the lattice, metres."""
+    utility_range: Positive | None = None
+    """A viewpoint observes frontiers up to this distance, metres; the sensor range when not given."""
+    min_utility: Annotated[int, Field(ge=1)] = 2
+    """A viewpoint that observes fewer frontiers counts as useless (utility 0)."""
+    beacon_range: Positive = 20.0
+    """d_th of Algorithm 1: a beacon covers useful viewpoints up to this distance in line of sight, metres."""
+
+    @property
+    def observable_range(self) -> float:
+        """Range within which a viewpoint observes frontiers, metres."""
+        return self.sensor_range if self.utility_range is None else self.utility_range
+
+    @model_validator(mode="after")
+    def _spacing_fits_resolution(self) -> MappingConfig:
+        if self.viewpoint_spacing < 2 * self.resolution:
+            raise ValueError(
+                f"viewpoint_spacing ({self.viewpoint_spacing} m) must be at least two belief cells "
+                f"(2 x {self.resolution} m): raise viewpoint_spacing or lower resolution"
+            )
+        return self
+
+
+class SimulatorConfig(Section):
+    """The simulated robot and its sensor."""
+
+    name: Literal["pybullet", "grid"] = "pybullet"
+    """`pybullet`: a physics world of wall meshes; `grid`: pure 2D ray traversal, needs no PyBullet."""
+    fidelity: Literal["kinematic", "dynamic"] = "kinematic"
+    """PyBullet only. `kinematic`: carried along the segment; `dynamic`: wheels, motors, contacts."""
+    rays: Annotated[int, Field(ge=16, le=7200)] = 720
+    """Beams per scan over the full circle."""
+    sense_every: Positive | None = None
+    """Also scan along the way, every so many metres; by default only at waypoints (the paper's protocol)."""
+    speed: Positive = 2.0
+    """Driving speed, m/s."""
+    range_noise: Annotated[float, Field(ge=0.0)] = 0.0
+    """Standard deviation of the range noise, metres."""
+    lidar_rate: Positive = 10.0
+    """Scans per simulated second while driving in dynamic fidelity, Hz."""
+    lidar_layers: Literal[1, 16] = 1
+    """PyBullet only: 1 for a planar lidar, 16 for a 3D lidar whose returns are projected to the plane."""
+    wall_height: Positive = 2.0
+    """Height of the walls in PyBullet, metres."""
+
+
+class TaskConfig(Section):
+    """What the robot must do, and when an episode ends."""
+
+    name: Literal["exploration", "navigation"] = "exploration"
+    """`exploration`: map everything reachable; `navigation`: reach the target."""
+    max_steps: Annotated[int, Field(ge=1, le=10_000)] = 128
+    """Decisions per episode; reaching the limit truncates the episode (no terminal state)."""
+    unseen_area: Annotated[float, Field(ge=0.0)] = 15.625
+    """Exploration is complete when at most this much reachable free area is unseen, square metres (250 px at 0.25 m)."""
+    arrival_radius: Positive = 1.6
+    """Navigation is complete within this distance of the target, metres, or inside its marker."""
+
+
+class RewardConfig(Section):
+    """The reward of both tasks."""
+
+    kind: Literal["paper", "potential"] = "paper"
+    """`paper`: travelled distance, observed frontiers, finish bonus; `potential`: the privileged expert's remaining
+    distance T as potential, (T(s) - T(s') - d) / scale, for training only."""
+    frontier_weight: Annotated[float, Field(ge=0.0)] = 1.0
+    """paper: weight of the share of observable frontiers that the step removed (exploration)."""
+    distance_weight: Annotated[float, Field(ge=0.0)] = 1.0
+    """paper: weight of the travelled distance, in units of `distance_scale`."""
+    distance_scale: Positive = 64.0
+    """paper: metres of travel that cost `distance_weight`."""
+    progress_weight: Annotated[float, Field(ge=0.0)] = 0.0
+    """paper: weight of the straight-line progress towards the target, in units of `distance_scale` (navigation)."""
+    finish_bonus: Annotated[float, Field(ge=0.0)] = 20.0
+    """paper: added when the task is complete."""
+    potential_scale: Positive = 4.0
+    """potential: metres per unit of reward."""
+
+
+class NetworkConfig(Section):
+    """Encoder, beacon decoder and waypoint decoder (paper, section IV)."""
+
+    variant: Literal["vanilla", "hierarchical", "hdplanner"] = "hdplanner"
+    """`vanilla`: waypoint decoder alone; `hierarchical`: beacon, then waypoint; `hdplanner`: with contrastive loss."""
+    width: Annotated[int, Field(ge=8, le=1024)] = 128
+    """d, the size of a node feature."""
+    heads: Annotated[int, Field(ge=1, le=64)] = 8
+    """Attention heads; must divide the width."""
+    layers: Annotated[int, Field(ge=1, le=24)] = 6
+    """Encoder layers."""
+    feedforward: Annotated[int, Field(ge=1, le=8)] = 4
+    """Hidden size of a feed-forward block, as a multiple of the width."""
+    features: Literal["paper", "extended"] = "extended"
+    """Node features: `paper`: position, utility, visited, beacon, target; `extended`: also graph distance from the
+    robot, degree, distance to the nearest useful viewpoint, on a shortest path to a beacon, all from the belief."""
+
+    @model_validator(mode="after")
+    def _heads_divide_width(self) -> NetworkConfig:
+        if self.width % self.heads:
+            raise ValueError(f"heads ({self.heads}) must divide width ({self.width}): choose for example 4 or 8 heads")
+        return self
+
+
+class AdamConfig(Section):
+    """Learning rates and their schedule."""
+
+    policy: Positive = 2e-4
+    """Peak learning rate of the policy."""
+    critic: Positive = 3e-4
+    """Peak learning rate of the critics."""
+    temperature: Positive = 1e-3
+    """Learning rate of both log temperatures."""
+    schedule: Literal["constant", "linear", "cosine"] = "constant"
+    """Course of policy and critic rates from their peak to `final_fraction` of it over `learner.total_updates`."""
+    warmup_updates: Annotated[int, Field(ge=0)] = 0
+    """Updates over which the rates rise linearly from 0."""
+    final_fraction: Fraction = 0.1
+    """Share of the peak rate left at the end of a linear or cosine schedule."""
+
+
+class SacConfig(Section):
+    """Discrete soft actor-critic over pairs of beacon and waypoint (paper, section IV; DESIGN, section 6)."""
+
+    gamma: Fraction = 0.99
+    """Discount factor."""
+    target_update: Literal["hard", "soft"] = "hard"
+    """`hard`: copy the critics every `target_interval` updates; `soft`: moving average at rate `target_rate`."""
+    target_interval: Annotated[int, Field(ge=1)] = 256
+    """Updates between two hard copies."""
+    target_rate: Fraction = 0.005
+    """Moving-average rate of soft target updates."""
+    target_entropy: Fraction = 0.05
+    """Target entropy of each decision as a fraction of log(number of valid choices)."""
+    initial_temperature: Positive = 0.1
+    """Both temperatures at the start."""
+    learn_temperature: bool = True
+    """Tune the temperatures to the target entropy; otherwise they stay at `initial_temperature`."""
+    critic_only_updates: Annotated[int, Field(ge=0)] = 0
+    """First updates that train only the critics, for a policy that starts from imitation."""
+    huber_delta: Positive | None = 10.0
+    """Critic loss: Huber with this delta, or plain squared error when null."""
+    clip_norm: Positive = 10.0
+    """Gradients of policy and critics are clipped to this norm each."""
+
+
+class ContrastiveConfig(Section):
+    """Contrastive joint optimisation (Algorithm 2); used by the variant `hdplanner` alone."""
+
+    weight: Annotated[float, Field(ge=0.0)] = 0.1
+    """Weight of the triplet loss beside the policy loss."""
+    margin: Positive = 0.5
+    """m of the triplet hinge."""
+    epsilon: Fraction = 0.5
+    """Probability that the positive comes from the Q network, else from the target Q network."""
+    beacons: bool = False
+    """Apply the loss to beacons too."""
+
+
+class CloningConfig(Section):
+    """Imitation of a privileged expert (DAgger), before or beside soft actor-critic."""
+
+    updates: Annotated[int, Field(ge=0)] = 0
+    """First updates that only imitate the expert; 0 switches the stage off."""
+    anchor_weight: Annotated[float, Field(ge=0.0)] = 0.0
+    """Weight of the imitation loss beside the policy loss after that stage; 0 switches it off."""
+    learning_rate: Positive = 6e-4
+    """Learning rate of the policy during the stage."""
+    expert_episodes: Fraction = 0.3
+    """Share of training episodes that the expert drives during the stage; the policy drives the others."""
+    cross_entropy_weight: Annotated[float, Field(ge=0.0)] = 0.1
+    """Weight of the cross entropy on softmax(-cost) beside the expected cost."""
+    beacon_weight: Annotated[float, Field(ge=0.0)] = 0.1
+    """Weight of the cross entropy on the expert's first beacon."""
+    entropy_bonus: Annotated[float, Field(ge=0.0)] = 0.003
+    """Weight of the policy's entropy, subtracted from the loss."""
+    cost_scale: Positive = 4.0
+    """Metres of detour per unit of cost."""
+    max_cost: Positive = 10.0
+    """Costs above this many units count as this."""
+
+    @property
+    def enabled(self) -> bool:
+        """Whether actors must label their states."""
+        return self.updates > 0 or self.anchor_weight > 0.0
+
+
+class ReplayConfig(Section):
+    """The replay buffer."""
+
+    capacity: Annotated[int, Field(ge=100)] = 100_000
+    """Transitions held at most; the oldest go first."""
+    max_bytes: Annotated[int, Field(ge=1_000_000)] = 500_000_000
+    """Memory held at most, bytes."""
+    min_steps: Annotated[int, Field(ge=1)] = 2_000
+    """Steps to collect before the first update."""
+
+
+class LearnerConfig(Section):
+    """The training loop."""
+
+    batch_size: Annotated[int, Field(ge=1, le=4096)] = 64
+    """Transitions per update."""
+    updates_per_step: Positive = 0.0625
+    """Declared ratio of updates to collected steps: the learner waits, or holds the actors, to keep it."""
+    ratio_tolerance: Annotated[int, Field(ge=1)] = 4_000
+    """Collected steps that the actors may run ahead of the declared ratio before they are held."""
+    total_updates: Annotated[int, Field(ge=1)] = 20_000
+    """Updates after which the run is complete."""
+    device: str = "auto"
+    """`auto` (CUDA when present), `cpu`, `cuda` or `cuda:N`."""
+    precision: Literal["auto", "fp32", "bf16"] = "auto"
+    """`auto`: bfloat16 autocast on a CUDA device that has it, fp32 elsewhere."""
+    threads: Annotated[int, Field(ge=0)] = 0
+    """Torch threads on the CPU; 0 for all cores."""
+    augment: bool = True
+    """Eight-fold symmetry augmentation of every sampled observation pair."""
+    publish_every: Annotated[int, Field(ge=1)] = 10
+    """Updates between two published policy versions."""
+    average_decay: Fraction = 0.99
+    """Moving average of the policy's weights that evaluation and export use; 0 switches it off."""
+
+
+class CheckpointConfig(Section):
+    """Checkpoints."""
+
+    every_seconds: Positive = 300.0
+    """Seconds between two checkpoints."""
+    keep: Annotated[int, Field(ge=2)] = 3
+    """Newest checkpoints kept beside the best one; at least two, so that a damaged one has a predecessor."""
+    replay: bool = True
+    """Save the replay buffer too, so that resuming continues with the same data."""
+
+
+class ActorConfig(Section):
+    """Actors."""
+
+    chunk_steps: Annotated[int, Field(ge=1, le=256)] = 16
+    """Steps per message."""
+    window: Annotated[int, Field(ge=1, le=32)] = 16
+    """Unacknowledged messages in flight at most."""
+    buffer_chunks: Annotated[int, Field(ge=1)] = 512
+    """Messages kept while the learner is away; then the actor pauses, and says so."""
+    weights_timeout: Positive = 10.0
+    """Seconds between two pulls of the weights when no notice comes."""
+
+
+class BusConfig(Section):
+    """The Zenoh bus."""
+
+    listen: str = "tcp/127.0.0.1:7447"
+    """Endpoint on which the learner listens; loopback only by default."""
+    connect: tuple[str, ...] = ()
+    """Existing Zenoh routers that the learner joins as well."""
+    lease: Positive = 2.0
+    """Seconds of silence after which a process counts as gone."""
+    ack_timeout: Positive = 3.0
+    """Seconds to wait for an acknowledgement before a message is sent again."""
+    shared_memory: bool = False
+    """Zenoh's shared-memory transport between processes of one machine: faster, more memory."""
+    tls_ca: str | None = None
+    """Root certificate (PEM). With it, links use mutual TLS; make the files with `hd-learner certificates`."""
+    tls_certificate: str | None = None
+    """This process's certificate (PEM)."""
+    tls_key: str | None = None
+    """This process's private key (PEM)."""
+
+    @model_validator(mode="after")
+    def _tls_is_complete(self) -> BusConfig:
+        given = [self.tls_ca, self.tls_certificate, self.tls_key]
+        if any(given) and not all(given):
+            raise ValueError("tls_ca, tls_certificate and tls_key go together: give all three or none")
+        return self
+
+
+class RunConfig(Section):
+    """A whole run."""
+
+    name: str = "default"
+    """Name of the run: its folder, and its prefix on the bus. Lower-case letters, digits and dashes."""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of networks, sampling and worlds."""
+    maps: MapsConfig = Field(default_factory=MapsConfig)
+    """Where worlds come from."""
+    mapping: MappingConfig = Field(default_factory=MappingConfig)
+    """Belief, viewpoint graph, utility and beacons."""
+    simulator: SimulatorConfig = Field(default_factory=SimulatorConfig)
+    """The simulated robot; an actor may override it."""
+    task: TaskConfig = Field(default_factory=TaskConfig)
+    """What the robot must do."""
+    reward: RewardConfig = Field(default_factory=RewardConfig)
+    """The reward."""
+    network: NetworkConfig = Field(default_factory=NetworkConfig)
+    """The policy's and the critics' networks."""
+    adam: AdamConfig = Field(default_factory=AdamConfig)
+    """Learning rates."""
+    sac: SacConfig = Field(default_factory=SacConfig)
+    """Soft actor-critic."""
+    contrastive: ContrastiveConfig = Field(default_factory=ContrastiveConfig)
+    """Contrastive joint optimisation."""
+    cloning: CloningConfig = Field(default_factory=CloningConfig)
+    """Imitation stage."""
+    replay: ReplayConfig = Field(default_factory=ReplayConfig)
+    """Replay buffer."""
+    learner: LearnerConfig = Field(default_factory=LearnerConfig)
+    """Training loop."""
+    checkpoints: CheckpointConfig = Field(default_factory=CheckpointConfig)
+    """Checkpoints."""
+    actor: ActorConfig = Field(default_factory=ActorConfig)
+    """Actors."""
+    bus: BusConfig = Field(default_factory=BusConfig)
+    """The bus."""
+
+    @field_validator("name")
+    @classmethod
+    def _name_is_an_id(cls, value: str) -> str:
+        if not ID_PATTERN.fullmatch(value):
+            raise ValueError("use 1 to 64 lower-case letters, digits and dashes, such as 'office-2'")
+        return value
+
+    @property
+    def contrastive_weight(self) -> float:
+        """Weight of the contrastive loss for this variant: zero without it."""
+        return self.contrastive.weight if self.network.variant == "hdplanner" else 0.0

@@ -1,0 +1,38 @@
+"""Errors that a user can act on; every message says what was expected, what came and what to do."""
+
+
+class HDError(Exception):
+    """Base of all errors that a command prints as one line instead of a traceback."""
+
+
+class ConfigError(HDError):
+    """A configuration value is missing, unknown or out of range."""
+
+
+class MessageError(HDError):
+    """A message from the bus violates the protocol.
+
+    Attributes:
+        field: dotted path of the offending field, such as ``chunk.observations.utility``.
+    """
+
+    def __init__(self, field: str, problem: str) -> None:
+        super().__init__(f"{field}: {problem}")
+        self.field = field
+        self.problem = problem
+
+
+class MapError(HDError):
+    """A map file or a map source cannot be used."""
+
+
+class BusError(HDError):
+    """The bus cannot be joined, or a peer answered with an error."""
+
+
+class CheckpointError(HDError):
+    """A checkpoint or a run folder is missing, damaged or belongs to another run."""
+
+
+class SimulatorError(HDError):
+    """A simulator cannot start or left its valid state."""

@@ -1,0 +1,1 @@
+"""The learner process: ingest, replay, losses, training loop, checkpoints and metrics."""
