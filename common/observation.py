@@ -20,12 +20,7 @@ from numpy.typing import NDArray
 # mask is the edge to the viewpoint at NEIGHBOUR_OFFSETS[k] = (dx, dy) lattice steps. The list is point-symmetric:
 # the reverse of bit k is bit 19 - k.
 NEIGHBOUR_OFFSETS: NDArray[np.int16] = np.array(
-    [
-        (dx, dy)
-        for dy in range(-2, 3)
-        for dx in range(-2, 3)
-        if (dx, dy) != (0, 0) and abs(dx) + abs(dy) < 4
-    ],
+    [(dx, dy) for dy in range(-2, 3) for dx in range(-2, 3) if (dx, dy) != (0, 0) and abs(dx) + abs(dy) < 4],
     dtype=np.int16,
 )
 NEIGHBOUR_COUNT = len(NEIGHBOUR_OFFSETS)

@@ -1,0 +1,100 @@
+"""The configuration as text: TOML of a resolved one, and a Markdown reference of every setting."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from common.config.schema import RunConfig
+
+
+def to_toml(config: RunConfig) -> str:
+    """Write a resolved configuration as TOML that `load_config` reads back to the same one."""
+    lines: list[str] = []
+    plain = {name: value for name, value in _items(config) if not isinstance(value, BaseModel)}
+    lines += [_toml_line(name, value) for name, value in plain.items()]
+    for name, value in _items(config):
+        if isinstance(value, BaseModel):
+            lines += ["", f"[{name}]", *(_toml_line(key, item) for key, item in _items(value))]
+    return "\n".join(lines) + "\n"
+
+
+def to_markdown() -> str:
+    """Write the reference of every setting: name, kind, default, meaning."""
+    lines = ["| setting | kind | default | meaning |", "| --- | --- | --- | --- |"]
+    sections: list[str] = []
+    for name, field in RunConfig.model_fields.items():
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            sections += [
+                "",
+                f"## `{name}`",
+                "",
+                f"{(field.annotation.__doc__ or '').strip()}",
+                "",
+                *lines[:2],
+            ]
+            sections += [_row(f"{name}.{key}", item) for key, item in field.annotation.model_fields.items()]
+        else:
+            lines.append(_row(name, field))
+    return "\n".join(lines + sections) + "\n"
+
+
+def _items(model: BaseModel) -> list[tuple[str, Any]]:
+    return [(name, getattr(model, name)) for name in type(model).model_fields]
+
+
+def _toml_line(name: str, value: Any) -> str:
+    if value is None:
+        value = "null"
+    if isinstance(value, tuple):
+        value = list(value)
+    return f"{name} = {json.dumps(value, ensure_ascii=False)}"
+
+
+def _row(name: str, field: FieldInfo) -> str:
+    default = field.get_default(call_default_factory=True)
+    shown = "not given" if default is None else json.dumps(default)
+    meaning = " ".join((field.description or "").split()).replace("|", "\\|")
+    return f"| `{name}` | {_kind(field)} | `{shown}` | {meaning} |"
+
+
+def _kind(field: FieldInfo) -> str:
+    text = str(field.annotation)
+    if "Literal" in text:
+        inner = text[text.index("[") + 1 : text.rindex("]")]
+        return "one of " + ", ".join(f"`{part.strip().strip(chr(39))}`" for part in inner.split(","))
+    names = {
+        "int": "whole number",
+        "float": "number",
+        "bool": "true or false",
+        "str": "text",
+        "tuple": "list of texts",
+    }
+    kind = next((word for key, word in names.items() if text.removeprefix("<class '").startswith(key)), "")
+    kind = kind or ("number or null" if "float" in text else "text or null")
+    return kind + _bounds(field)
+
+
+def _bounds(field: FieldInfo) -> str:
+    parts = []
+    for item in _constraints(field):
+        if isinstance(item, Ge):
+            parts.append(f"≥ {item.ge:g}")
+        elif isinstance(item, Gt):
+            parts.append(f"> {item.gt:g}")
+        elif isinstance(item, Le):
+            parts.append(f"≤ {item.le:g}")
+        elif isinstance(item, Lt):
+            parts.append(f"< {item.lt:g}")
+    return f" {', '.join(parts)}" if parts else ""
+
+
+def _constraints(field: FieldInfo) -> list[Any]:
+    found: list[Any] = []
+    for item in field.metadata:
+        found += item.metadata if isinstance(item, FieldInfo) else [item]
+    return found

@@ -1,0 +1,46 @@
+"""Logging: one line per event that matters, the same in every process."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from typing import Literal
+
+from rich.console import Console
+from rich.logging import RichHandler
+
+Level = Literal["debug", "info", "warning", "error"]
+
+PLAIN_FORMAT = "%(asctime)s %(levelname)-7s %(name)s: %(message)s"
+
+
+def setup_logging(level: str | None = None, *, console: Console | None = None) -> None:
+    """Send all log lines of this process to standard error.
+
+    A terminal gets colours through Rich (share `console` with a live view, so that lines appear above it); anything
+    else gets plain lines with time, level and logger.
+
+    Args:
+        level: debug, info, warning or error; the variable HD_LOG_LEVEL, else info, when not given.
+        console: console of a live view.
+
+    Raises:
+        ValueError: for an unknown level.
+    """
+    name = (level or os.environ.get("HD_LOG_LEVEL") or "info").upper()
+    number = logging.getLevelNamesMapping().get(name)
+    if number is None:
+        raise ValueError(f"log level must be debug, info, warning or error, got {name.lower()!r}")
+    handler: logging.Handler
+    if console is not None or sys.stderr.isatty():
+        handler = RichHandler(console=console or Console(stderr=True), show_path=False, rich_tracebacks=False)
+        handler.setFormatter(logging.Formatter("%(name)s: %(message)s", datefmt="[%X]"))
+    else:
+        handler = logging.StreamHandler()
+        handler.setFormatter(logging.Formatter(PLAIN_FORMAT))
+    root = logging.getLogger()
+    root.handlers[:] = [handler]
+    root.setLevel(number)
+    # numba reports every compiled function at debug level, which buries our own lines.
+    logging.getLogger("numba").setLevel(logging.WARNING)

@@ -1,0 +1,58 @@
+"""Settings of a whole process that must be made before the work starts."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+
+# Training allocates and frees the same large tensors in every step. With glibc's defaults each of them is mapped
+# from and returned to the system, and the page faults cost a third of the time (RECIPES, "Speed reached").
+MALLOC_SETTINGS = {
+    "MALLOC_MMAP_THRESHOLD_": str(1 << 30),
+    "MALLOC_TRIM_THRESHOLD_": str(1 << 31),
+    "MALLOC_TOP_PAD_": str(64 << 20),
+}
+
+# Two threads receive everything by default, so two busy clients could freeze a session (BUS.md, measurement 2).
+ZENOH_SETTINGS = {"ZENOH_RUNTIME": "(rx: (worker_threads: 8))"}
+
+_MARK = "HD_PROCESS_PREPARED"
+
+
+def process_environment(base: Mapping[str, str] | None = None, *, threads: int | None = None) -> dict[str, str]:
+    """Return the environment of a process that trains or acts; values that a user has set win.
+
+    Args:
+        base: the environment to build upon, this process's own by default.
+        threads: threads of the numerical libraries; None leaves them alone.
+    """
+    environment = dict(os.environ if base is None else base)
+    for name, value in {**MALLOC_SETTINGS, **ZENOH_SETTINGS}.items():
+        environment.setdefault(name, value)
+    if threads is not None:
+        for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
+            environment[name] = str(threads)
+    return environment
+
+
+def restart_prepared() -> None:
+    """Replace this process by itself with malloc and Zenoh set up, once; return at once when that is done.
+
+    glibc reads its thresholds, and Zenoh its runtime, only when the process starts, so a command calls this first.
+    """
+    if os.environ.get(_MARK) or not sys.platform.startswith("linux"):
+        return
+    environment = process_environment()
+    environment[_MARK] = "1"
+    os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], environment)
+
+
+def limit_threads(threads: int) -> None:
+    """Bound the threads of torch and numba in this process; 0 leaves all cores to them."""
+    import numba
+    import torch
+
+    if threads > 0:
+        torch.set_num_threads(threads)
+        numba.set_num_threads(min(threads, numba.get_num_threads()))
