@@ -1,0 +1,45 @@
+"""What one update learns from: sampled transitions in columns, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.messages.experience import ExpertLabels
+from common.observation import ObservationBatch
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TransitionBatch:
+    """k transitions (o, b, a, r, o') drawn from the replay buffer; beacons and waypoints are node numbers.
+
+    Attributes:
+        observations: o, k observations.
+        next_observations: o', k observations; where `next_valid` is False any filler, such as o itself.
+        beacons: chosen beacon, a node of o, int32, shape (k,).
+        waypoints: chosen waypoint, a node of o, int32, shape (k,).
+        rewards: float32, shape (k,).
+        terminal: o' is the end of the task, so nothing comes after it, bool, shape (k,). A time limit is no
+            terminal end: its o' is bootstrapped.
+        next_valid: o' is known, bool, shape (k,). Where it is not (the actor died), the transition still serves
+            imitation, and the critics leave it out.
+        labelled: an expert labelled o, bool, shape (k,); all False without labels.
+        labels: the expert's costs for the waypoints of *all* k observations, behind one another in the order of
+            `Observation.waypoint_nodes` (zeros where not labelled), and its beacons (-1 where not labelled); None
+            when no observation is labelled.
+    """
+
+    observations: ObservationBatch
+    next_observations: ObservationBatch
+    beacons: NDArray[np.int32]
+    waypoints: NDArray[np.int32]
+    rewards: NDArray[np.float32]
+    terminal: NDArray[np.bool_]
+    next_valid: NDArray[np.bool_]
+    labelled: NDArray[np.bool_]
+    labels: ExpertLabels | None
+
+    def __len__(self) -> int:
+        return len(self.rewards)
