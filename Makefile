@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 JOBS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help install run test test-all lint types format bench clean
+.PHONY: help install run test test-all lint types format docs bench clean
 
 help:  ## show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -21,7 +21,7 @@ $(STAMP): pyproject.toml constraints.txt
 install: $(STAMP)  ## create .venv and install everything into it
 
 run: $(STAMP)  ## train here: a learner and two PyBullet actors, shown live (Ctrl-C ends it)
-	$(BIN)/hd-learner start --actors 2
+	$(BIN)/hd-learner start --preset workstation --actors 2
 
 test: $(STAMP)  ## the test suite without its slow tests
 	$(BIN)/python -m pytest -n $(JOBS) -m 'not slow'
@@ -39,6 +39,9 @@ types: $(STAMP)  ## static types
 format: $(STAMP)  ## put the code into its format
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+docs: $(STAMP)  ## write the pages that are made from the code
+	$(BIN)/python -c "from pathlib import Path; from common.config.describe import documentation; Path('docs/configuration.md').write_text(documentation(), 'utf-8')"
 
 bench: $(STAMP)  ## measure: decision step, simulators, inference, actors, updates, ingest, memory
 	$(BIN)/python -m benchmarks

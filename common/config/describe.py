@@ -12,6 +12,25 @@ from pydantic.fields import FieldInfo
 from common.config.schema import RunConfig
 
 
+INTRODUCTION = """# Configuration
+
+<!-- Made by `make docs` from common/config/schema.py: change the text there. -->
+
+A run has one typed tree of settings. Each source overrides the ones before it:
+
+1. the defaults below,
+2. a preset: `hd-learner start --preset workstation` (small network, imitation first) or `paper` (the paper's sizes),
+3. a TOML or JSON file: `--config run.toml`,
+4. environment variables: `HD_LEARNER__BATCH_SIZE=32` is `learner.batch_size`,
+5. the command line: `--set learner.batch_size=32`, as often as needed.
+
+`hd-learner config` takes the same options and prints the resolved tree as TOML, which `--config` reads back. Whatever is
+unknown or out of range ends the command with a line that names the setting, where its value came from and what is expected.
+In a file, the text `"null"` stands for a setting that is not given. Actors fetch the learner's resolved configuration over the
+bus: only the learner is configured.
+"""
+
+
 def to_toml(config: RunConfig) -> str:
     """Write a resolved configuration as TOML that `load_config` reads back to the same one."""
     lines: list[str] = []
@@ -41,6 +60,11 @@ def to_markdown() -> str:
         else:
             lines.append(_row(name, field))
     return "\n".join(lines + sections) + "\n"
+
+
+def documentation() -> str:
+    """Write docs/configuration.md."""
+    return INTRODUCTION + "\n" + to_markdown()
 
 
 def _items(model: BaseModel) -> list[tuple[str, Any]]:

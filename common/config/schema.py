@@ -96,7 +96,7 @@ class TaskConfig(Section):
     max_steps: Annotated[int, Field(ge=1, le=10_000)] = 128
     """Decisions per episode; reaching the limit truncates the episode (no terminal state)."""
     unseen_area: Annotated[float, Field(ge=0.0)] = 15.625
-    """Exploration is complete when at most this much reachable free area is unseen, square metres (250 px at 0.25 m)."""
+    """Exploration is complete when at most this much reachable free area is unseen, m² (250 px of 0.25 m)."""
     arrival_radius: Positive = 1.6
     """Navigation is complete within this distance of the target, metres, or inside its marker."""
 
