@@ -11,7 +11,6 @@ from pydantic.fields import FieldInfo
 
 from common.config.schema import RunConfig
 
-
 INTRODUCTION = """# Configuration
 
 <!-- Made by `make docs` from common/config/schema.py: change the text there. -->
@@ -24,10 +23,10 @@ A run has one typed tree of settings. Each source overrides the ones before it:
 4. environment variables: `HD_LEARNER__BATCH_SIZE=32` is `learner.batch_size`,
 5. the command line: `--set learner.batch_size=32`, as often as needed.
 
-`hd-learner config` takes the same options and prints the resolved tree as TOML, which `--config` reads back. Whatever is
-unknown or out of range ends the command with a line that names the setting, where its value came from and what is expected.
-In a file, the text `"null"` stands for a setting that is not given. Actors fetch the learner's resolved configuration over the
-bus: only the learner is configured.
+`hd-learner config` takes the same options and prints the resolved tree as TOML, which `--config` reads back.
+Whatever is unknown or out of range ends the command with a line that names the setting, where its value came
+from and what is expected. In a file, the text `"null"` stands for a setting that is not given. Actors fetch
+the learner's resolved configuration over the bus: only the learner is configured.
 """
 
 

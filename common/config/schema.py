@@ -108,11 +108,13 @@ class RewardConfig(Section):
     """`paper`: travelled distance, observed frontiers, finish bonus; `potential`: the privileged expert's remaining
     distance T as potential, (T(s) - T(s') - d) / scale, for training only."""
     frontier_weight: Annotated[float, Field(ge=0.0)] = 1.0
-    """paper: weight of the share of observable frontiers that the step removed (exploration)."""
+    """paper: weight of the frontier that the step removed, in units of `frontier_scale`."""
+    frontier_scale: Positive = 50.0
+    """paper: metres of removed frontier that earn `frontier_weight` (the family's 50 frontiers on a 1 m grid)."""
     distance_weight: Annotated[float, Field(ge=0.0)] = 1.0
     """paper: weight of the travelled distance, in units of `distance_scale`."""
-    distance_scale: Positive = 64.0
-    """paper: metres of travel that cost `distance_weight`."""
+    distance_scale: Positive = 16.0
+    """paper: metres of travel that cost `distance_weight` (the family's 64 px at 0.25 m/px)."""
     progress_weight: Annotated[float, Field(ge=0.0)] = 0.0
     """paper: weight of the straight-line progress towards the target, in units of `distance_scale` (navigation)."""
     finish_bonus: Annotated[float, Field(ge=0.0)] = 20.0

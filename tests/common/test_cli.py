@@ -1,0 +1,29 @@
+"""What a user sees when a command fails."""
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from common.cli import command_errors
+from common.errors import ConfigError
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "words"),
+    [
+        (ConfigError("a.b: expected [1], got x"), 1, "error: a.b: expected [1], got x"),
+        (KeyboardInterrupt(), 130, "inter"),
+    ],
+)
+def test_errors_are_one_line_and_a_non_zero_exit(error, code, words):
+    app = typer.Typer()
+
+    @app.command()
+    @command_errors
+    def fail() -> None:
+        raise error
+
+    result = CliRunner().invoke(app, [])
+    assert result.exit_code == code
+    assert words in result.stderr
+    assert "Traceback" not in result.output

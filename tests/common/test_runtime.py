@@ -1,0 +1,27 @@
+"""Process set-up: malloc and Zenoh settings reach the process, and a user's own values win."""
+
+import os
+import subprocess
+import sys
+
+from common.runtime import MALLOC_SETTINGS, process_environment
+
+
+def test_the_users_own_values_win():
+    environment = process_environment({"MALLOC_TOP_PAD_": "7", "HOME": "/x"}, threads=1)
+    assert environment["MALLOC_TOP_PAD_"] == "7"
+    assert environment["OMP_NUM_THREADS"] == "1"
+    assert environment["HOME"] == "/x"
+    assert set(MALLOC_SETTINGS) <= set(environment)
+
+
+def test_a_command_restarts_itself_once_and_keeps_its_arguments():
+    code = (
+        "import os, sys; from common.runtime import restart_prepared; restart_prepared(); "
+        "print(os.environ['MALLOC_TRIM_THRESHOLD_'], sys.argv[1:])"
+    )
+    environment = {key: value for key, value in os.environ.items() if not key.startswith(("MALLOC_", "HD_"))}
+    done = subprocess.run(
+        [sys.executable, "-c", code, "a b", "--c"], capture_output=True, text=True, check=True, env=environment
+    )
+    assert done.stdout.split("\n")[0] == f"{MALLOC_SETTINGS['MALLOC_TRIM_THRESHOLD_']} ['a b', '--c']"

@@ -1,0 +1,38 @@
+"""The directions of imports that DESIGN asks for: common knows nobody, the others know common alone."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("common", "actors", "learner", "deploy")
+ALLOWED = {"common": set(), "actors": {"common"}, "learner": {"common"}, "deploy": {"common"}}
+# Two places put parts together; nothing else may.
+MEETING_PLACES = {"learner/serial.py": {"actors"}, "deploy/robot.py": {"actors"}}
+ONLY_IN = {"pybullet": "actors", "trustme": "learner", "tensorboard": "learner"}
+
+MODULES = sorted(path for name in PACKAGES for path in (ROOT / name).rglob("*.py"))
+
+
+def imported(path: Path) -> set[str]:
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.add(node.module)
+    return names
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_imports_run_one_way(path):
+    module = path.relative_to(ROOT)
+    package = module.parts[0]
+    allowed = {package, *ALLOWED[package], *MEETING_PLACES.get(module.as_posix(), set())}
+    for name in imported(path):
+        top = name.split(".")[0]
+        assert top not in PACKAGES or top in allowed, f"{module} imports {name}"
+        assert ONLY_IN.get(top, package) == package, f"{module} imports {name}"
+        assert top != "pickle", f"{module} imports pickle"
+        assert package != "common" or name != "torch.optim", f"{module} imports an optimiser"
