@@ -1,0 +1,1 @@
+"""What a robot knows and the graph it plans on: belief, frontiers, viewpoints, utility and beacons, all incremental."""
