@@ -1,0 +1,122 @@
+"""How much of the reachable free area of the true map the robot has seen; for reward, termination and metrics."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from actors.maps.grid_map import GridMap
+from common.errors import MapError
+
+UNKNOWN = -1
+
+
+@njit(cache=True, nogil=True)
+def _flood(free: NDArray[np.bool_], row: int, column: int) -> NDArray[np.int64]:
+    """Return the flat numbers of all free cells that are 4-connected with (row, column), ascending."""
+    rows, columns = free.shape
+    seen = np.zeros(rows * columns, dtype=np.bool_)
+    stack = np.empty(rows * columns, dtype=np.int64)
+    size = 0
+    if free[row, column]:
+        stack[0] = row * columns + column
+        seen[stack[0]] = True
+        size = 1
+    while size:
+        size -= 1
+        cell = stack[size]
+        r = cell // columns
+        c = cell - r * columns
+        if r > 0 and free[r - 1, c] and not seen[cell - columns]:
+            seen[cell - columns] = True
+            stack[size] = cell - columns
+            size += 1
+        if r < rows - 1 and free[r + 1, c] and not seen[cell + columns]:
+            seen[cell + columns] = True
+            stack[size] = cell + columns
+            size += 1
+        if c > 0 and free[r, c - 1] and not seen[cell - 1]:
+            seen[cell - 1] = True
+            stack[size] = cell - 1
+            size += 1
+        if c < columns - 1 and free[r, c + 1] and not seen[cell + 1]:
+            seen[cell + 1] = True
+            stack[size] = cell + 1
+            size += 1
+    return np.flatnonzero(seen)
+
+
+@njit(cache=True, nogil=True)
+def _still_unseen(
+    unseen: NDArray[np.int64],
+    columns: int,
+    belief: NDArray[np.int8],
+    belief_row: NDArray[np.int64],
+    belief_column: NDArray[np.int64],
+) -> int:
+    """Move the cells that the belief does not know to the front of ``unseen``, in order; return their number."""
+    rows, width = belief.shape
+    kept = 0
+    for i in range(len(unseen)):
+        cell = unseen[i]
+        row = cell // columns
+        r = belief_row[row]
+        c = belief_column[cell - row * columns]
+        if r < 0 or r >= rows or c < 0 or c >= width or belief[r, c] == UNKNOWN:
+            unseen[kept] = cell
+            kept += 1
+    return kept
+
+
+class Coverage:
+    """The cells of one world that the robot could see and has not seen.
+
+    Reachable is what a flood fill from the start reaches over 4-connected free cells; all of it can be seen from
+    free space. A cell counts as seen once the belief cell that holds its centre is known. What has been seen stays
+    seen, so that a belief which corrects itself cannot undo an episode.
+    """
+
+    def __init__(self, world: GridMap) -> None:
+        row, column = world.cell(world.start)
+        if not world.is_free(world.start):
+            raise MapError(
+                f"map {world.name!r}: the start {world.start} is not in free space; move the start marker"
+            )
+        self._world = world
+        self._unseen: NDArray[np.int64] = _flood(np.ascontiguousarray(world.free), row, column)
+        self._reachable = len(self._unseen)
+        self._frame: tuple[float, tuple[float, float]] | None = None
+        rows, columns = world.free.shape
+        self._belief_row = np.zeros(rows, dtype=np.int64)
+        self._belief_column = np.zeros(columns, dtype=np.int64)
+
+    def update(self, cells: NDArray[np.int8], resolution: float, origin: tuple[float, float]) -> None:
+        """Take over what a belief knows: -1 unknown, row 0 at the bottom, metres."""
+        if self._frame != (resolution, origin):
+            self._frame = (resolution, origin)
+            world = self._world
+            rows, columns = world.free.shape
+            x = world.origin[0] + (np.arange(columns) + 0.5) * world.resolution
+            y = world.origin[1] + (np.arange(rows) + 0.5) * world.resolution
+            self._belief_column = np.floor((x - origin[0]) / resolution + 1e-9).astype(np.int64)
+            self._belief_row = np.floor((y - origin[1]) / resolution + 1e-9).astype(np.int64)
+        kept = _still_unseen(
+            self._unseen, self._world.free.shape[1], cells, self._belief_row, self._belief_column
+        )
+        self._unseen = self._unseen[:kept]
+
+    @property
+    def unseen_cells(self) -> NDArray[np.int64]:
+        """Flat cell numbers of the true map (row x columns + column) that are unseen, ascending."""
+        return self._unseen
+
+    @property
+    def unseen_area(self) -> float:
+        """Reachable free area that is unseen, square metres."""
+        return len(self._unseen) * self._world.resolution**2
+
+    @property
+    def explored(self) -> float:
+        """Share of the reachable free area that was seen, 0 to 1."""
+        return 1.0 - len(self._unseen) / self._reachable
