@@ -1,0 +1,1 @@
+"""Worlds: the public PNG maps, procedural generators and what makes maps alike."""

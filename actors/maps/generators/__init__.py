@@ -1,0 +1,57 @@
+"""Procedural worlds: one generator a file, found by name."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+
+from pydantic import ValidationError
+
+from actors.maps.generators.base import Generator
+from actors.maps.generators.rooms import Rooms
+from common.errors import MapError
+
+__all__ = ["GENERATORS", "Generator", "make_generator"]
+
+GENERATORS: dict[str, type[Generator]] = {kind.kind: kind for kind in (Rooms,)}
+
+
+def make_generator(name: str, parameters: dict[str, str]) -> Generator:
+    """Make a generator from its name and its parameters as text.
+
+    Args:
+        name: a key of `GENERATORS`.
+        parameters: values by parameter name, as written in a specification.
+
+    Returns:
+        The generator.
+
+    Raises:
+        MapError: unknown name or parameter, or a value of the wrong type or outside its range.
+    """
+    kind = GENERATORS.get(name)
+    if kind is None:
+        raise MapError(f"unknown generator '{name}'{_hint(name, list(GENERATORS))}: choose one of {_list(GENERATORS)}")
+    unknown = [key for key in parameters if key not in kind.model_fields]
+    if unknown:
+        raise MapError(
+            f"generator:{name}: unknown parameter '{unknown[0]}'{_hint(unknown[0], list(kind.model_fields))}: choose "
+            f"from {_list(kind.model_fields)}"
+        )
+    try:
+        return kind.model_validate_strings(parameters)
+    except ValidationError as error:
+        problems = []
+        for problem in error.errors(include_url=False):
+            field = ".".join(str(part) for part in problem["loc"])
+            given = f", got '{parameters[field]}'" if field in parameters else ""
+            problems.append(f"{field + ': ' if field else ''}{problem['msg']}{given}")
+        raise MapError(f"generator:{name}: {'; '.join(problems)}") from error
+
+
+def _list(names: object) -> str:
+    return ", ".join(sorted(names))  # type: ignore[call-overload]
+
+
+def _hint(name: str, known: list[str]) -> str:
+    close = get_close_matches(name, known, n=1)
+    return f" (did you mean '{close[0]}'?)" if close else ""

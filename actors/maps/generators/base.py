@@ -1,0 +1,84 @@
+"""What all generators share: parameters, seeds, names and the assembly of a map.
+
+A generator draws what an image of the public format would hold: its sizes are pixels, of which 16 are one block and
+one nominal lattice step (4 m at 0.25 m per pixel). The scale is given when a world is drawn, as it is for a PNG file.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from actors.maps.grid_map import GridMap
+from actors.maps.layout import BLOCK, build_map
+
+Side = Annotated[int, Field(ge=8 * BLOCK, le=4096)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """A generated place in pixels, before it gets its scale.
+
+    Attributes:
+        free: bool, shape (rows, columns), row 0 at the bottom.
+        start: (x, y) in pixels from the lower left corner, on a corner of pixels.
+        target: likewise.
+    """
+
+    free: NDArray[np.bool_]
+    start: tuple[int, int]
+    target: tuple[int, int]
+
+
+class Generator(BaseModel, ABC):
+    """A family of worlds: the same parameters and seed give the same world on every machine.
+
+    Every world is guaranteed: all free space is 4-connected, the lattice through the block centres is one connected
+    graph of viewpoints (20 neighbours in line of sight), start and target lie on free lattice points.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
+
+    kind: ClassVar[str]
+    """Name in specifications."""
+
+    width: Side = 640
+    """Width of the image, pixels."""
+    height: Side = 480
+    """Height of the image, pixels."""
+    seed: Annotated[int, Field(ge=0, lt=2**62)] = 0
+    """World i is drawn from seed + i."""
+
+    @abstractmethod
+    def plan(self, rng: np.random.Generator) -> Plan:
+        """Draw one place; all chance comes from ``rng``, by ``integers``, ``random`` and ``permutation`` alone."""
+
+    @property
+    def label(self) -> str:
+        """Kind and the parameters that differ from their defaults, the seed excluded."""
+        given = [
+            f"{name}={getattr(self, name)}"
+            for name, field in type(self).model_fields.items()
+            if name != "seed" and getattr(self, name) != field.default
+        ]
+        return self.kind + (f"[{','.join(given)}]" if given else "")
+
+    def world(self, index: int, metres_per_pixel: float = 0.25) -> GridMap:
+        """Draw world number ``index``.
+
+        Args:
+            index: 0 or more.
+            metres_per_pixel: scale, as for PNG maps.
+
+        Returns:
+            A map with start and target.
+        """
+        seed = self.seed + index
+        plan = self.plan(np.random.Generator(np.random.PCG64(seed)))
+        return build_map(f"{self.label}-{seed}", plan.free, metres_per_pixel, plan.start, plan.target)
