@@ -1,0 +1,68 @@
+"""Copy sampled observations out of the replay buffer's ring, in machine code and without the GIL."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+
+@numba.njit(cache=True, nogil=True)
+def gather_viewpoints(
+    start: NDArray[np.int64],
+    count: NDArray[np.int32],
+    ring_offsets: NDArray[np.int16],
+    ring_utility: NDArray[np.uint16],
+    ring_visited: NDArray[np.bool_],
+    ring_beacon: NDArray[np.bool_],
+    ring_edges: NDArray[np.uint32],
+    offsets: NDArray[np.int16],
+    utility: NDArray[np.uint16],
+    visited: NDArray[np.bool_],
+    beacon: NDArray[np.bool_],
+    edges: NDArray[np.uint32],
+) -> None:
+    """Fill the output columns with the rows ``start[i] .. start[i] + count[i]``, one observation behind the other."""
+    at = 0
+    for i in range(len(start)):
+        first = start[i]
+        rows = count[i]
+        offsets[at : at + rows] = ring_offsets[first : first + rows]
+        utility[at : at + rows] = ring_utility[first : first + rows]
+        visited[at : at + rows] = ring_visited[first : first + rows]
+        beacon[at : at + rows] = ring_beacon[first : first + rows]
+        edges[at : at + rows] = ring_edges[first : first + rows]
+        at += rows
+
+
+@numba.njit(cache=True, nogil=True)
+def count_choices(
+    first: NDArray[np.int64],
+    robot: NDArray[np.int32],
+    edges: NDArray[np.uint32],
+    target_known: NDArray[np.bool_],
+    link_first: NDArray[np.int64],
+    links: NDArray[np.uint16],
+) -> NDArray[np.int32]:
+    """Number of waypoints of each observation of a batch, as `Observation.waypoint_nodes` lists them.
+
+    Args:
+        first: first viewpoint row of each observation, shape (k + 1,).
+        robot: node numbers, shape (k,).
+        edges: masks of all viewpoints.
+        target_known: shape (k,).
+        link_first: first target link of each observation, shape (k + 1,).
+        links: target links of all observations.
+    """
+    choices = np.zeros(len(robot), dtype=np.int32)
+    for i in range(len(robot)):
+        mask = edges[first[i] + robot[i]]
+        while mask:
+            mask &= mask - np.uint32(1)
+            choices[i] += 1
+        if target_known[i]:
+            for j in range(link_first[i], link_first[i + 1]):
+                if links[j] == robot[i]:
+                    choices[i] += 1
+                    break
+    return choices
