@@ -1,0 +1,17 @@
+"""Privileged experts: they see the true map, so they serve training alone."""
+
+from __future__ import annotations
+
+from actors.expert.base import Expert, Judgement
+from actors.expert.exploration import ExplorationExpert
+from actors.expert.navigation import NavigationExpert
+from common.config.schema import MappingConfig, TaskConfig
+
+__all__ = ["Expert", "ExplorationExpert", "Judgement", "NavigationExpert", "make_expert"]
+
+
+def make_expert(task: TaskConfig, mapping: MappingConfig) -> Expert:
+    """Return the expert of a task."""
+    if task.name == "navigation":
+        return NavigationExpert(mapping)
+    return ExplorationExpert(mapping, task.unseen_area)

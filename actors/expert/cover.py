@@ -1,0 +1,378 @@
+"""Which viewpoints to visit so that little enough stays unseen, and in which order: a covering tour.
+
+Works on the sparse visibility rows of `actors.expert.visibility`; "missing" always are the tile words of the cells
+that are still to be seen, and a tolerance says how many of them may stay so.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from actors.expert.tour import GAIN, improve_tour, insert_cheapest, tour_length
+from actors.expert.visibility import popcount
+
+
+@njit(cache=True, nogil=True)
+def count_gains(
+    pointer: NDArray[np.int64],
+    tile: NDArray[np.int32],
+    mask: NDArray[np.uint64],
+    missing: NDArray[np.uint64],
+    allowed: NDArray[np.bool_],
+) -> NDArray[np.int64]:
+    """Missing cells that each allowed viewpoint sees, int64, shape (n,); 0 for the others."""
+    n = len(allowed)
+    gains = np.zeros(n, dtype=np.int64)
+    for v in range(n):
+        if allowed[v]:
+            gains[v] = _gain(pointer, tile, mask, missing, v)
+    return gains
+
+
+@njit(cache=True, nogil=True)
+def _gain(
+    pointer: NDArray[np.int64],
+    tile: NDArray[np.int32],
+    mask: NDArray[np.uint64],
+    missing: NDArray[np.uint64],
+    v: int,
+) -> int:
+    total = np.uint64(0)
+    for k in range(pointer[v], pointer[v + 1]):
+        total += popcount(mask[k] & missing[tile[k]])
+    return np.int64(total)
+
+
+@njit(cache=True, nogil=True)
+def greedy_cover(
+    pointer: NDArray[np.int64],
+    tile: NDArray[np.int32],
+    mask: NDArray[np.uint64],
+    missing: NDArray[np.uint64],
+    gains: NDArray[np.int64],
+    weights: NDArray[np.float64],
+    left: int,
+    tolerance: int,
+) -> NDArray[np.int64]:
+    """Greedy set cover: take the viewpoint of the largest weighted gain until at most ``tolerance`` cells are left.
+
+    Gains only shrink as cells are covered, so a stale gain is an upper bound and only the leader is counted again.
+
+    Args:
+        missing: overwritten: ends as what is still uncovered.
+        gains: missing cells that each viewpoint sees now; overwritten.
+        weights: factor on each gain, 1 for the plain rule.
+        left: number of missing cells.
+        tolerance: cells that may stay uncovered.
+    """
+    chosen = np.empty(len(gains), dtype=np.int64)
+    size = 0
+    while left > tolerance:
+        while True:
+            best, best_value = -1, 0.0
+            for v in range(len(gains)):
+                value = gains[v] * weights[v]
+                if value > best_value:
+                    best, best_value = v, value
+            if best < 0:
+                return chosen[:size].copy()
+            fresh = _gain(pointer, tile, mask, missing, best)
+            if fresh == gains[best]:
+                break
+            gains[best] = fresh
+        for k in range(pointer[best], pointer[best + 1]):
+            missing[tile[k]] &= ~mask[k]
+        left -= gains[best]
+        gains[best] = 0
+        chosen[size] = best
+        size += 1
+    return chosen[:size].copy()
+
+
+@njit(cache=True, nogil=True)
+def _unique(
+    pointer: NDArray[np.int64],
+    tile: NDArray[np.int32],
+    mask: NDArray[np.uint64],
+    missing: NDArray[np.uint64],
+    once: NDArray[np.uint64],
+    twice: NDArray[np.uint64],
+    v: int,
+    need: NDArray[np.uint64],
+) -> int:
+    """Write the missing cells that v alone of the tour sees into ``need`` (dense); return their number."""
+    total = np.uint64(0)
+    for k in range(pointer[v], pointer[v + 1]):
+        t = tile[k]
+        word = mask[k] & missing[t] & once[t] & ~twice[t]
+        need[t] = word
+        total += popcount(word)
+    return np.int64(total)
+
+
+@njit(cache=True, nogil=True)
+def _recount(
+    pointer: NDArray[np.int64],
+    tile: NDArray[np.int32],
+    mask: NDArray[np.uint64],
+    stops: NDArray[np.int64],
+    size: int,
+    once: NDArray[np.uint64],
+    twice: NDArray[np.uint64],
+) -> None:
+    """Write which cells the stops see at least once, and at least twice."""
+    once[:] = np.uint64(0)
+    twice[:] = np.uint64(0)
+    for s in range(size):
+        for k in range(pointer[stops[s]], pointer[stops[s] + 1]):
+            t = tile[k]
+            twice[t] |= once[t] & mask[k]
+            once[t] |= mask[k]
+
+
+@njit(cache=True, nogil=True)
+def _recount_kept(
+    pointer: NDArray[np.int64],
+    tile: NDArray[np.int32],
+    mask: NDArray[np.uint64],
+    stops: NDArray[np.int64],
+    dropped: NDArray[np.bool_],
+    seen: NDArray[np.uint64],
+    once: NDArray[np.uint64],
+) -> None:
+    """Write which cells the stops that were not dropped see, together with ``seen``."""
+    once[:] = seen
+    for s in range(len(stops)):
+        if not dropped[s]:
+            for k in range(pointer[stops[s]], pointer[stops[s] + 1]):
+                once[tile[k]] |= mask[k]
+
+
+@njit(cache=True, nogil=True)
+def _uncovered(missing: NDArray[np.uint64], once: NDArray[np.uint64]) -> int:
+    total = np.uint64(0)
+    for t in range(len(missing)):
+        if missing[t]:
+            total += popcount(missing[t] & ~once[t])
+    return np.int64(total)
+
+
+@njit(cache=True, nogil=True)
+def improve_cover(
+    pointer: NDArray[np.int64],
+    tile: NDArray[np.int32],
+    mask: NDArray[np.uint64],
+    missing: NDArray[np.uint64],
+    allowed: NDArray[np.bool_],
+    distances: NDArray[np.float32],
+    start: int,
+    stops: NDArray[np.int64],
+    tolerance: int,
+    rounds: int,
+) -> NDArray[np.int64]:
+    """Shorten a covering tour: reorder it, drop stops that are not needed, move stops to where they cost less.
+
+    A stop may go, or move, when what it alone saw stays seen but for the slack that the tolerance leaves. A stop
+    typically moves from the middle of a room, where greedy cover puts it, to the door.
+
+    Returns:
+        The new stops in order.
+    """
+    tour = stops.copy()
+    size = len(tour)
+    once = np.zeros(len(missing), dtype=np.uint64)
+    twice = np.zeros(len(missing), dtype=np.uint64)
+    need = np.zeros(len(missing), dtype=np.uint64)
+    for _ in range(rounds):
+        improve_tour(distances, start, tour[:size])
+        _recount(pointer, tile, mask, tour, size, once, twice)
+        slack = tolerance - _uncovered(missing, once)
+        changed = False
+        s = 0
+        while s < size:
+            stop = tour[s]
+            before = start if s == 0 else tour[s - 1]
+            after = tour[s + 1] if s + 1 < size else -1
+            via = distances[before, stop] + (distances[stop, after] if after >= 0 else 0.0)
+            alone = _unique(pointer, tile, mask, missing, once, twice, stop, need)
+            found = -1
+            if alone <= slack or alone == 0:
+                found = -2
+            else:
+                best = via - GAIN
+                for v in range(len(allowed)):
+                    if not allowed[v] or v == stop:
+                        continue
+                    length = distances[before, v]
+                    if length >= best:
+                        continue
+                    if after >= 0:
+                        length += distances[v, after]
+                        if length >= best:
+                            continue
+                    seen = np.uint64(0)
+                    for k in range(pointer[v], pointer[v + 1]):
+                        seen += popcount(need[tile[k]] & mask[k])
+                    lost = alone - np.int64(seen)
+                    if lost <= max(slack, 0):
+                        best = length
+                        found = v
+            for k in range(pointer[stop], pointer[stop + 1]):
+                need[tile[k]] = np.uint64(0)
+            if found == -1:
+                s += 1
+                continue
+            if found == -2:
+                for k in range(s, size - 1):
+                    tour[k] = tour[k + 1]
+                size -= 1
+            else:
+                tour[s] = found
+                s += 1
+            changed = True
+            _recount(pointer, tile, mask, tour, size, once, twice)
+            slack = tolerance - _uncovered(missing, once)
+        if not changed:
+            break
+    improve_tour(distances, start, tour[:size])
+    return tour[:size].copy()
+
+
+@njit(cache=True, nogil=True)
+def plan_cover(
+    pointer: NDArray[np.int64],
+    tile: NDArray[np.int32],
+    mask: NDArray[np.uint64],
+    missing: NDArray[np.uint64],
+    allowed: NDArray[np.bool_],
+    distances: NDArray[np.float32],
+    start: int,
+    gains: NDArray[np.int64],
+    weights: NDArray[np.float64],
+    kept: NDArray[np.int64],
+    tolerance: int,
+    rounds: int,
+) -> NDArray[np.int64]:
+    """Return a short covering tour from ``start`` that begins from the order ``kept`` (may be empty).
+
+    What the kept stops do not cover is covered greedily, inserted where it costs least, and the whole improved.
+    """
+    rest = missing.copy()
+    for s in range(len(kept)):
+        for k in range(pointer[kept[s]], pointer[kept[s] + 1]):
+            rest[tile[k]] &= ~mask[k]
+    total = np.uint64(0)
+    for t in range(len(rest)):
+        total += popcount(rest[t])
+    chosen = greedy_cover(pointer, tile, mask, rest, gains, weights, np.int64(total), tolerance)
+    stops = np.empty(len(kept) + len(chosen), dtype=np.int64)
+    stops[: len(kept)] = kept
+    for k in range(len(chosen)):
+        insert_cheapest(distances, start, stops, len(kept) + k, chosen[k])
+    return improve_cover(
+        pointer, tile, mask, missing, allowed, distances, start, stops, tolerance, rounds
+    )
+
+
+@njit(cache=True, nogil=True)
+def price_choices(
+    pointer: NDArray[np.int64],
+    tile: NDArray[np.int32],
+    mask: NDArray[np.uint64],
+    missing: NDArray[np.uint64],
+    allowed: NDArray[np.bool_],
+    distances: NDArray[np.float32],
+    stops: NDArray[np.int64],
+    choices: NDArray[np.int64],
+    tolerance: int,
+    orders: NDArray[np.int64],
+    sizes: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """Length of the covering tour that remains from each choice, when the robot goes there first.
+
+    Stops whose own cells the choice itself sees are left out; the others keep their order as a beginning.
+
+    Args:
+        choices: viewpoint number of each choice, -1 for one that the true map does not have.
+        orders: shape (choices, stops); the order of stops from each choice is written here.
+        sizes: shape (choices,); the number of stops from each choice is written here.
+
+    Returns:
+        Metres, inf for a choice that is -1, float64, shape (choices,).
+    """
+    n = len(stops)
+    once = np.zeros(len(missing), dtype=np.uint64)
+    twice = np.zeros(len(missing), dtype=np.uint64)
+    need = np.zeros(len(missing), dtype=np.uint64)
+    _recount(pointer, tile, mask, stops, n, once, twice)
+    slack = max(tolerance - _uncovered(missing, once), 0)
+    # Tiles that a stop alone sees, and how much of them: the same for all choices.
+    begin = np.zeros(n + 1, dtype=np.int64)
+    entries = 0
+    for s in range(n):
+        entries += pointer[stops[s] + 1] - pointer[stops[s]]
+    need_tile = np.empty(entries, dtype=np.int32)
+    need_mask = np.empty(entries, dtype=np.uint64)
+    alone = np.zeros(n, dtype=np.int64)
+    size = 0
+    for s in range(n):
+        alone[s] = _unique(pointer, tile, mask, missing, once, twice, stops[s], need)
+        for k in range(pointer[stops[s]], pointer[stops[s] + 1]):
+            word = need[tile[k]]
+            if word:
+                need_tile[size] = tile[k]
+                need_mask[size] = word
+                size += 1
+                need[tile[k]] = np.uint64(0)
+        begin[s + 1] = size
+    seen = np.zeros(len(missing), dtype=np.uint64)
+    dropped = np.zeros(n, dtype=np.bool_)
+    lengths = np.full(len(choices), np.inf)
+    for c in range(len(choices)):
+        v = choices[c]
+        sizes[c] = 0
+        if v < 0:
+            continue
+        if allowed[v]:
+            for k in range(pointer[v], pointer[v + 1]):
+                seen[tile[k]] = mask[k]
+        spare = slack
+        drops = 0
+        for s in range(n):
+            unseen = np.uint64(0)
+            for k in range(begin[s], begin[s + 1]):
+                unseen += popcount(need_mask[k] & ~seen[need_tile[k]])
+            lost = np.int64(unseen)
+            dropped[s] = stops[s] == v or (lost <= spare and lost < alone[s]) or alone[s] == 0
+            if dropped[s]:
+                spare -= lost
+                drops += 1
+        # Two stops may go only if what they saw together is seen from elsewhere; take stops back until it is.
+        while drops:
+            _recount_kept(pointer, tile, mask, stops, dropped, seen, once)
+            if _uncovered(missing, once) <= tolerance:
+                break
+            back = -1
+            for s in range(n):
+                if dropped[s] and stops[s] != v:
+                    back = s
+                    break
+            if back < 0:
+                break
+            dropped[back] = False
+            drops -= 1
+        if allowed[v]:
+            for k in range(pointer[v], pointer[v + 1]):
+                seen[tile[k]] = np.uint64(0)
+        count = 0
+        for s in range(n):
+            if not dropped[s]:
+                orders[c, count] = stops[s]
+                count += 1
+        sizes[c] = count
+        order = orders[c, :count]
+        improve_tour(distances, v, order)
+        lengths[c] = tour_length(distances, v, order)
+    return lengths

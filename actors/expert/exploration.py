@@ -1,0 +1,143 @@
+"""The exploration expert: the shortest covering tour that it can find over the cells that are really missing."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from actors.expert import cover
+from actors.expert.base import UNREACHABLE, Judgement, leg_lengths
+from actors.expert.lattice import TrueLattice
+from actors.expert.tour import tour_length
+from actors.expert.visibility import Visibility, fill_words
+from actors.maps.grid_map import GridMap
+from actors.tasks.coverage import Coverage
+from common.config.schema import MappingConfig
+from common.errors import HDError
+from common.geometry import Pose
+from common.observation import Observation
+
+NO_STOPS: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+
+
+class ExplorationExpert:
+    """Plans for the cells that are really missing, down to the stopping rule.
+
+    Per map: the true viewpoint graph, what each viewpoint sees, all distances. Per state: a covering tour from the
+    robot (kept from the last state when that is shorter, so that the expert does not waver), then the tour that
+    remains from each waypoint. A viewpoint that the robot has visited shows nothing new, whatever the true map says:
+    so no tour begins where the robot stands, and none returns for cells that the sensor cannot resolve.
+
+    Args:
+        mapping: lattice and sensor.
+        unseen_area: the task's tolerance, square metres.
+        beams: beams of a scan.
+        starts: covering tours that are tried at the first state of a map; the shortest is kept.
+    """
+
+    def __init__(self, mapping: MappingConfig, unseen_area: float, *, beams: int = 720, starts: int = 12) -> None:
+        self._mapping = mapping
+        self._unseen_area = unseen_area
+        self._beams = beams
+        self._starts = starts
+        self._world: GridMap | None = None
+
+    def reset(self, world: GridMap) -> None:
+        """Prepare for a world; takes about 100 ms for a public map."""
+        self._world = world
+        self._lattice = TrueLattice.build(world, self._mapping.viewpoint_spacing)
+        self._distances = self._lattice.distances()
+        reach = self._mapping.sensor_range / world.resolution
+        self._sight = Visibility.build(world.free, self._lattice.points, reach, self._beams)
+        self._missing = np.zeros(self._sight.tiles, dtype=np.uint64)
+        self._tolerance = int(self._unseen_area / world.resolution**2 + 1e-6)
+        self._ones = np.ones(len(self._lattice))
+        self._plan = NO_STOPS
+        self._routes: dict[int, NDArray[np.int64]] = {}
+
+    def judge(
+        self,
+        observation: Observation,
+        pose: Pose,
+        node_position: tuple[float, float],
+        coverage: Coverage,
+    ) -> Judgement:
+        """Judge the choices of one observation (see `Expert.judge`)."""
+        if self._world is None:
+            raise HDError("the expert knows no map yet: call reset(world) before judge()")
+        true_nodes = self._lattice.match(observation, node_position)
+        waypoints = observation.waypoint_nodes()
+        choices = true_nodes[waypoints]
+        robot = int(true_nodes[observation.robot])
+        if robot < 0 or len(coverage.unseen_cells) <= self._tolerance:
+            return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0)
+        stops, gains, allowed = self._tour(observation, true_nodes, robot, coverage)
+        orders = np.zeros((len(choices), len(stops)), dtype=np.int64)
+        sizes = np.zeros(len(choices), dtype=np.int64)
+        sight = self._sight
+        lengths = cover.price_choices(
+            sight.pointer, sight.tile, sight.mask, self._missing, allowed, self._distances, stops, choices,
+            self._tolerance, orders, sizes,
+        )  # fmt: skip
+        legs = leg_lengths(observation, waypoints, pose, node_position, self._lattice.spacing)
+        total = np.where(np.isfinite(lengths), legs + lengths, np.inf)
+        best = int(np.argmin(total))
+        remaining = float(total[best])
+        if not np.isfinite(remaining):
+            return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, UNREACHABLE)
+        self._plan = stops
+        self._routes = {int(v): orders[c, : sizes[c]].copy() for c, v in enumerate(choices) if v >= 0}
+        cost = np.minimum(total - remaining, UNREACHABLE).astype(np.float32)
+        beacon = self._first_beacon(observation, true_nodes, int(choices[best]), stops, orders[best, : sizes[best]])
+        return Judgement(cost, beacon, remaining)
+
+    def _tour(
+        self, observation: Observation, true_nodes: NDArray[np.int64], robot: int, coverage: Coverage
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+        """Return a short covering tour from the robot, the gain of every viewpoint, and which may be visited."""
+        sight, distances = self._sight, self._distances
+        world = self._world
+        assert world is not None
+        fill_words(coverage.unseen_cells, world.free.shape[1], self._missing)
+        allowed = np.isfinite(distances[robot])
+        visited = true_nodes[observation.visited]
+        allowed[visited[visited >= 0]] = False
+        allowed[robot] = False
+        gains = cover.count_gains(sight.pointer, sight.tile, sight.mask, self._missing, allowed)
+
+        def plan(kept: NDArray[np.int64], weights: NDArray[np.float64]) -> NDArray[np.int64]:
+            return cover.plan_cover(
+                sight.pointer, sight.tile, sight.mask, self._missing, allowed, distances, robot, gains.copy(),
+                weights, kept, self._tolerance, 6,
+            )  # fmt: skip
+
+        fresh = plan(NO_STOPS, self._ones)
+        candidates = [fresh]
+        previous = self._routes.get(robot, self._plan)
+        kept = previous[allowed[previous] & (gains[previous] > 0)]
+        if len(kept):
+            candidates.insert(0, plan(kept, self._ones))
+        elif not self._routes:
+            # The first state of a map: worth a few more tries, from an own source of chance so that it repeats.
+            rng = np.random.default_rng(len(gains))
+            candidates += [
+                plan(NO_STOPS, np.exp(rng.normal(0.0, 0.4, len(gains)))) for _ in range(self._starts - 1)
+            ]
+        lengths = [tour_length(distances, robot, stops) for stops in candidates]
+        return candidates[int(np.argmin(lengths))], gains, allowed
+
+    def _first_beacon(
+        self,
+        observation: Observation,
+        true_nodes: NDArray[np.int64],
+        choice: int,
+        stops: NDArray[np.int64],
+        order: NDArray[np.int64],
+    ) -> int:
+        """Return the beacon nearest to the first stop of the best route, -1 without beacons."""
+        beacons = observation.beacon_nodes()
+        known = beacons[true_nodes[beacons] >= 0]
+        if len(known) == 0:
+            return -1
+        first = choice if choice in stops or len(order) == 0 else int(order[0])
+        return int(known[np.argmin(self._distances[first, true_nodes[known]])])

@@ -1,0 +1,124 @@
+"""Open tours over a few stops: cheapest insertion, then 2-opt and Or-opt moves until none helps."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+GAIN = 1e-3
+
+
+@njit(cache=True, nogil=True)
+def tour_length(distances: NDArray[np.float32], start: int, stops: NDArray[np.int64]) -> float:
+    """Length of the open tour from ``start`` through ``stops`` in order, metres."""
+    total = 0.0
+    at = start
+    for stop in stops:
+        total += distances[at, stop]
+        at = stop
+    return total
+
+
+@njit(cache=True, nogil=True)
+def insert_cheapest(
+    distances: NDArray[np.float32], start: int, stops: NDArray[np.int64], size: int, new: int
+) -> None:
+    """Insert ``new`` where it lengthens the tour of the first ``size`` stops least; there must be room for it."""
+    best = np.inf
+    where = size
+    for k in range(size + 1):
+        before = start if k == 0 else stops[k - 1]
+        added = distances[before, new]
+        if k < size:
+            added += distances[new, stops[k]] - distances[before, stops[k]]
+        if added < best:
+            best = added
+            where = k
+    for k in range(size, where, -1):
+        stops[k] = stops[k - 1]
+    stops[where] = new
+
+
+@njit(cache=True, nogil=True)
+def improve_tour(distances: NDArray[np.float32], start: int, stops: NDArray[np.int64]) -> None:
+    """Shorten an open tour in place by 2-opt (reversals) and Or-opt (moves of up to three stops, either way round).
+
+    The end is free. Every move shortens the tour by more than a millimetre, so the loop ends; the result is never
+    longer than what came in.
+    """
+    n = len(stops)
+    for _ in range(64):
+        changed = _two_opt(distances, start, stops)
+        changed |= n > 1 and _or_opt(distances, start, stops)
+        if not changed:
+            break
+
+
+@njit(cache=True, nogil=True)
+def _two_opt(distances: NDArray[np.float32], start: int, stops: NDArray[np.int64]) -> bool:
+    n = len(stops)
+    changed = False
+    for i in range(n - 1):
+        for j in range(i + 1, n):
+            before = start if i == 0 else stops[i - 1]
+            old = distances[before, stops[i]]
+            new = distances[before, stops[j]]
+            if j < n - 1:
+                old += distances[stops[j], stops[j + 1]]
+                new += distances[stops[i], stops[j + 1]]
+            if new < old - GAIN:
+                a, b = i, j
+                while a < b:
+                    stops[a], stops[b] = stops[b], stops[a]
+                    a += 1
+                    b -= 1
+                changed = True
+    return changed
+
+
+@njit(cache=True, nogil=True)
+def _or_opt(distances: NDArray[np.float32], start: int, stops: NDArray[np.int64]) -> bool:
+    n = len(stops)
+    changed = False
+    segment = np.empty(3, dtype=np.int64)
+    for length in range(1, min(3, n - 1) + 1):
+        for i in range(n - length + 1):
+            before = start if i == 0 else stops[i - 1]
+            head = stops[i]
+            tail = stops[i + length - 1]
+            saved = distances[before, head]
+            if i + length < n:
+                after = stops[i + length]
+                saved += distances[tail, after] - distances[before, after]
+            best = GAIN
+            where = -1
+            turned = False
+            # Gap k lies before stop k of the tour without the segment.
+            for k in range(n - length + 1):
+                if k == i:
+                    continue
+                left = start if k == 0 else stops[k - 1 if k - 1 < i else k - 1 + length]
+                straight = distances[left, head]
+                reverse = distances[left, tail]
+                if k < n - length:
+                    right = stops[k if k < i else k + length]
+                    between = distances[left, right]
+                    straight += distances[tail, right] - between
+                    reverse += distances[head, right] - between
+                if saved - straight > best:
+                    best, where, turned = saved - straight, k, False
+                if saved - reverse > best:
+                    best, where, turned = saved - reverse, k, True
+            if where < 0:
+                continue
+            for k in range(length):
+                segment[k] = stops[i + length - 1 - k] if turned else stops[i + k]
+            for k in range(i, n - length):
+                stops[k] = stops[k + length]
+            for k in range(n - length, where, -1):
+                stops[k - 1 + length] = stops[k - 1]
+            for k in range(length):
+                stops[where + k] = segment[k]
+            changed = True
+    return changed
