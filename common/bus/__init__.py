@@ -1,0 +1,1 @@
+"""The Zenoh bus: sessions, delivery of experience, weights, presence, statistics and control."""

@@ -1,0 +1,151 @@
+"""Deliveries as fields and back, with every check that an untrusted delivery must pass."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from common.messages.experience import Chunk, Delivery, End, EpisodeReport, ExpertLabels
+from common.messages.fields import Fields
+from common.messages.validation import check_choices, check_observations
+from common.observation import ObservationBatch
+
+MAX_INCARNATION = 2**63 - 1
+MAX_STEPS = 256
+MAX_EPISODE_STEPS = 1_000_000
+_COLUMNS = tuple(ObservationBatch.__dataclass_fields__)
+
+
+def delivery_fields(delivery: Delivery) -> dict[str, Any]:
+    """Return the fields of a delivery."""
+    body = delivery.body
+    return {
+        "actor": delivery.actor,
+        "incarnation": delivery.incarnation,
+        "sequence": delivery.sequence,
+        "body": _chunk_fields(body) if isinstance(body, Chunk) else _report_fields(body),
+    }
+
+
+def read_delivery(fields: Fields) -> Delivery:
+    """Read and check a delivery."""
+    actor = fields.identifier("actor")
+    incarnation = fields.integer("incarnation", 0, MAX_INCARNATION)
+    sequence = fields.integer("sequence")
+    inner = fields.fields("body")
+    kind = inner.word("kind", "chunk", "report")
+    body = _read_chunk(inner) if kind == "chunk" else _read_report(inner)
+    inner.finish()
+    return Delivery(actor, incarnation, sequence, body)
+
+
+def _chunk_fields(chunk: Chunk) -> dict[str, Any]:
+    labels = chunk.labels
+    return {
+        "kind": "chunk",
+        "episode": int(chunk.episode),
+        "first_step": int(chunk.first_step),
+        "end": int(chunk.end),
+        "observations": {name: getattr(chunk.observations, name) for name in _COLUMNS},
+        "beacons": chunk.beacons,
+        "waypoints": chunk.waypoints,
+        "rewards": chunk.rewards,
+        "versions": chunk.versions,
+        "labels": None if labels is None else {"cost": labels.cost, "beacon": labels.beacon},
+    }
+
+
+def _read_chunk(fields: Fields) -> Chunk:
+    episode = fields.integer("episode")
+    first_step = fields.integer("first_step", 0, MAX_EPISODE_STEPS)
+    end = End(fields.integer("end", 0, len(End) - 1))
+    rewards = fields.array("rewards", np.float32, (None,))
+    k = len(rewards)
+    if not 1 <= k <= MAX_STEPS:
+        fields.fail("rewards", f"must have 1 to {MAX_STEPS} steps, got {k}")
+    if not np.isfinite(rewards).all():
+        fields.fail("rewards", "must be finite")
+    beacons = fields.array("beacons", np.int32, (k,))
+    waypoints = fields.array("waypoints", np.int32, (k,))
+    versions = fields.array("versions", np.int64, (k,))
+    if versions.min() < -1:
+        fields.fail("versions", f"must be at least -1, got {int(versions.min())}")
+    columns = fields.fields("observations")
+    observations = _read_observations(columns, k + (end is not End.NONE))
+    inner = fields.optional_fields("labels")
+    labels = None if inner is None else _read_labels(inner, k)
+    expert = None if labels is None else labels.beacon
+    choices = check_choices(observations, beacons, waypoints, expert, fields.path)
+    if labels is not None and len(labels.cost) != choices:
+        fields.fail("labels.cost", f"must have one cost per waypoint choice, {choices}, got {len(labels.cost)}")
+    return Chunk(episode, first_step, observations, beacons, waypoints, rewards, versions, labels, end)
+
+
+def _read_observations(fields: Fields, k: int) -> ObservationBatch:
+    utility = fields.array("utility", np.uint16, (None,))
+    links = fields.array("target_links", np.uint16, (None,))
+    n = len(utility)
+    batch = ObservationBatch(
+        count=fields.array("count", np.int32, (k,)),
+        offsets=fields.array("offsets", np.int16, (n, 2)),
+        utility=utility,
+        visited=fields.array("visited", np.bool_, (n,)),
+        beacon=fields.array("beacon", np.bool_, (n,)),
+        edges=fields.array("edges", np.uint32, (n,)),
+        robot=fields.array("robot", np.int32, (k,)),
+        has_target=fields.array("has_target", np.bool_, (k,)),
+        target_known=fields.array("target_known", np.bool_, (k,)),
+        target_offset=fields.array("target_offset", np.float32, (k, 2)),
+        link_count=fields.array("link_count", np.int32, (k,)),
+        target_links=links,
+    )
+    fields.finish()
+    check_observations(batch, fields.path)
+    return batch
+
+
+def _read_labels(fields: Fields, k: int) -> ExpertLabels:
+    cost = fields.array("cost", np.float32, (None,))
+    if len(cost) and not (np.isfinite(cost).all() and cost.min() >= 0):
+        fields.fail("cost", "must be finite and at least 0")
+    labels = ExpertLabels(cost=cost, beacon=fields.array("beacon", np.int32, (k,)))
+    fields.finish()
+    return labels
+
+
+def _report_fields(report: EpisodeReport) -> dict[str, Any]:
+    return {
+        "kind": "report",
+        "task": report.task,
+        "map_name": report.map_name,
+        "simulator": report.simulator,
+        "role": report.role,
+        "driver": report.driver,
+        "version": int(report.version),
+        "steps": int(report.steps),
+        "distance": float(report.distance),
+        "success": bool(report.success),
+        "explored": float(report.explored),
+        "reward": float(report.reward),
+        "collisions": int(report.collisions),
+        "duration": float(report.duration),
+    }
+
+
+def _read_report(fields: Fields) -> EpisodeReport:
+    return EpisodeReport(
+        task=fields.word("task", "exploration", "navigation"),
+        map_name=fields.text("map_name"),
+        simulator=fields.text("simulator", 64),
+        role=fields.word("role", "train", "evaluate"),
+        driver=fields.text("driver", 64),
+        version=fields.integer("version", -1),
+        steps=fields.integer("steps", 0, MAX_EPISODE_STEPS),
+        distance=fields.number("distance", 0.0, 1e9),
+        success=fields.flag("success"),
+        explored=fields.number("explored", 0.0, 1.0),
+        reward=fields.number("reward"),
+        collisions=fields.integer("collisions"),
+        duration=fields.number("duration", 0.0, 1e9),
+    )

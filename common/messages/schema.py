@@ -1,0 +1,210 @@
+"""Every kind of message: its name on the wire, its longest form, how it is written and how it is read."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from common.errors import MessageError
+from common.messages.codec import pack, unpack
+from common.messages.experience import Delivery
+from common.messages.experience_codec import MAX_INCARNATION, delivery_fields, read_delivery
+from common.messages.fields import Fields
+from common.messages.replies import PROTOCOL_VERSION, VERBS, Ack, ControlReply, ControlRequest, Spec
+from common.messages.stats import ActorStats, LearnerStats
+from common.messages.weights import FLOATS, Weights, WeightsNotice
+
+T = TypeVar("T")
+
+MAX_SMALL = 1 << 20
+MAX_DELIVERY = 1 << 26
+MAX_WEIGHTS = 1 << 28
+MAX_HOLD = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind(Generic[T]):
+    """How one kind of message travels."""
+
+    name: str
+    write: Callable[[T], dict[str, Any]]
+    read: Callable[[Fields], T]
+    max_bytes: int = MAX_SMALL
+
+
+def encode(message: object) -> bytes:
+    """Return the bytes of a message.
+
+    Args:
+        message: a Delivery, Ack, Spec, WeightsNotice, Weights, ActorStats, LearnerStats, ControlRequest or
+            ControlReply.
+
+    Raises:
+        TypeError: for anything else, or a field that no message can hold.
+    """
+    kind = _KINDS.get(type(message))
+    if kind is None:
+        names = ", ".join(known.__name__ for known in _KINDS)
+        raise TypeError(f"must be one of {names}, got {type(message).__name__}")
+    return pack({"v": PROTOCOL_VERSION, "kind": kind.name, **kind.write(message)})
+
+
+def decode(data: bytes, *expected: type[T]) -> T:
+    """Read and check a message that may come from anywhere.
+
+    Args:
+        data: the bytes.
+        expected: the messages that may come here.
+
+    Returns:
+        The message; its arrays own their memory.
+
+    Raises:
+        MessageError: naming the field, what was expected and what came.
+    """
+    kinds = [_KINDS[wanted] for wanted in expected]
+    path = kinds[0].name
+    fields = Fields(unpack(data, path, max(kind.max_bytes for kind in kinds)), path)
+    version = fields.integer("v")
+    if version != PROTOCOL_VERSION:
+        fields.fail(
+            "v",
+            f"must be {PROTOCOL_VERSION}, the protocol of this software, got {version}: install the same release "
+            "on every machine of the run",
+        )
+    name = fields.word("kind", *(kind.name for kind in kinds))
+    kind = next(kind for kind in kinds if kind.name == name)
+    if len(data) > kind.max_bytes:
+        raise MessageError(name, f"must have at most {kind.max_bytes} bytes, got {len(data)}")
+    fields.path = name
+    message = kind.read(fields)
+    fields.finish()
+    return message
+
+
+def _plain(message: Any) -> dict[str, Any]:
+    return {field.name: getattr(message, field.name) for field in dataclasses.fields(message)}
+
+
+def _read_ack(fields: Fields) -> Ack:
+    return Ack(
+        sequence=fields.integer("sequence", -1),
+        stored=fields.flag("stored"),
+        hold=fields.number("hold", 0.0, MAX_HOLD),
+        error=fields.text("error", 1000),
+        learner=fields.integer("learner", 0, MAX_INCARNATION),
+    )
+
+
+def _read_spec(fields: Fields) -> Spec:
+    spec = Spec(
+        run=fields.identifier("run"),
+        learner=fields.integer("learner", 0, MAX_INCARNATION),
+        config=fields.text("config", MAX_SMALL),
+    )
+    _parse_json(spec.config, f"{fields.path}.config")
+    return spec
+
+
+def _read_notice(fields: Fields) -> WeightsNotice:
+    return WeightsNotice(
+        learner=fields.integer("learner", 0, MAX_INCARNATION),
+        version=fields.integer("version"),
+        updates=fields.integer("updates"),
+        averaged=fields.flag("averaged"),
+        bytes=fields.integer("bytes", 0, MAX_WEIGHTS),
+        digest=fields.digest("digest"),
+    )
+
+
+def _write_weights(weights: Weights) -> dict[str, Any]:
+    return {**_plain(weights), "tensors": dict(weights.tensors)}
+
+
+def _read_weights(fields: Fields) -> Weights:
+    inner = fields.fields("tensors")
+    tensors = inner.rest()
+    for name, tensor in tensors.items():
+        dtype = getattr(getattr(tensor, "dtype", None), "name", type(tensor).__name__)
+        if dtype not in FLOATS:
+            inner.fail(name, f"must be an array of {', '.join(FLOATS)}, got {dtype}")
+    weights = Weights(
+        learner=fields.integer("learner", 0, MAX_INCARNATION),
+        version=fields.integer("version"),
+        updates=fields.integer("updates"),
+        averaged=fields.flag("averaged"),
+        tensors=tensors,
+        digest=fields.digest("digest"),
+    )
+    weights.check(fields.path)
+    return weights
+
+
+def _read_actor_stats(fields: Fields) -> ActorStats:
+    return ActorStats(
+        actor=fields.identifier("actor"),
+        host=fields.text("host"),
+        pid=fields.integer("pid"),
+        steps=fields.integer("steps"),
+        episodes=fields.integer("episodes"),
+        steps_per_second=fields.number("steps_per_second", 0.0),
+        version=fields.integer("version", -1),
+        version_age=fields.number("version_age", 0.0),
+        buffered=fields.integer("buffered"),
+        state=fields.text("state"),
+    )
+
+
+def _read_learner_stats(fields: Fields) -> LearnerStats:
+    return LearnerStats(
+        host=fields.text("host"),
+        pid=fields.integer("pid"),
+        steps=fields.integer("steps"),
+        episodes=fields.integer("episodes"),
+        updates=fields.integer("updates"),
+        version=fields.integer("version", -1),
+        steps_per_second=fields.number("steps_per_second", 0.0),
+        updates_per_second=fields.number("updates_per_second", 0.0),
+        replay=fields.integer("replay"),
+        state=fields.text("state"),
+    )
+
+
+def _write_request(request: ControlRequest) -> dict[str, Any]:
+    return {"verb": request.verb, "arguments": _json(request.arguments)}
+
+
+def _read_request(fields: Fields) -> ControlRequest:
+    return ControlRequest(verb=fields.word("verb", *VERBS), arguments=fields.document("arguments"))
+
+
+def _write_reply(reply: ControlReply) -> dict[str, Any]:
+    return {"ok": reply.ok, "error": reply.error, "body": _json(reply.body)}
+
+
+def _read_reply(fields: Fields) -> ControlReply:
+    return ControlReply(ok=fields.flag("ok"), error=fields.text("error", 1000), body=fields.document("body"))
+
+
+def _json(value: Mapping[str, Any]) -> str:
+    return json.dumps(value, allow_nan=False)
+
+
+def _parse_json(text: str, path: str) -> None:
+    Fields({"text": text}, path).document("text", MAX_SMALL)
+
+
+_KINDS: dict[type[Any], _Kind[Any]] = {
+    Delivery: _Kind("delivery", delivery_fields, read_delivery, MAX_DELIVERY),
+    Ack: _Kind("ack", _plain, _read_ack),
+    Spec: _Kind("spec", _plain, _read_spec),
+    WeightsNotice: _Kind("weights_notice", _plain, _read_notice),
+    Weights: _Kind("weights", _write_weights, _read_weights, MAX_WEIGHTS),
+    ActorStats: _Kind("actor_stats", _plain, _read_actor_stats),
+    LearnerStats: _Kind("learner_stats", _plain, _read_learner_stats),
+    ControlRequest: _Kind("control_request", _write_request, _read_request),
+    ControlReply: _Kind("control_reply", _write_reply, _read_reply),
+}
