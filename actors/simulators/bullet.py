@@ -1,0 +1,83 @@
+"""The one place that imports PyBullet, and opens its physics servers."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import sys
+from collections.abc import Iterator
+
+from common.errors import SimulatorError
+
+
+@contextlib.contextmanager
+def _native_stderr_closed() -> Iterator[None]:
+    """Send what C code writes to stderr nowhere: PyBullet greets with its build time at every import."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+with _native_stderr_closed():
+    import pybullet
+
+__all__ = ["connect", "disconnect", "pybullet"]
+
+
+def connect(gui: bool) -> int:
+    """Open a physics server of our own and return its client number.
+
+    Raises:
+        SimulatorError: there is no display for ``gui``, another window is open in this process, or no server is left.
+    """
+    if not gui:
+        client = int(pybullet.connect(pybullet.DIRECT))
+        if client < 0:
+            raise SimulatorError("PyBullet has no physics server left in this process: close() simulators not in use")
+        return client
+    _require_display()
+    try:
+        client = int(pybullet.connect(pybullet.GUI))
+    except pybullet.error as error:
+        raise SimulatorError(_NO_WINDOW) from error
+    if client < 0:
+        raise SimulatorError(_NO_WINDOW)
+    return client
+
+
+_NO_WINDOW = "PyBullet could not open a window: it allows one per process; close the other, or leave --gui out"
+
+
+def disconnect(client: int) -> None:
+    """Close a physics server with everything in it."""
+    pybullet.disconnect(physicsClientId=client)
+
+
+def _require_display() -> None:
+    """Raise `SimulatorError` when X cannot be reached: PyBullet itself would end the whole process."""
+    if not sys.platform.startswith("linux"):
+        return
+    name = os.environ.get("DISPLAY")
+    if not name:
+        raise SimulatorError(
+            "PyBullet's window needs an X display and DISPLAY is not set: run from a desktop session or with "
+            "xvfb-run, or leave --gui out"
+        )
+    try:
+        x11 = ctypes.CDLL("libX11.so.6")
+    except OSError as error:
+        raise SimulatorError("PyBullet's window needs libX11 (apt install libx11-6 libgl1)") from error
+    x11.XOpenDisplay.restype = ctypes.c_void_p
+    x11.XCloseDisplay.argtypes = [ctypes.c_void_p]
+    display = x11.XOpenDisplay(None)
+    if not display:
+        raise SimulatorError(f"PyBullet's window needs an X display and {name!r} (DISPLAY) cannot be opened")
+    x11.XCloseDisplay(display)

@@ -1,0 +1,113 @@
+"""Lidars in the physics world: one planar layer, or sixteen whose returns are projected to the plane."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from actors.simulators.beams import BeamPattern
+from actors.simulators.bullet import pybullet
+from actors.simulators.physics_world import FLOOR_GROUP, WALL_GROUP
+from common.errors import SimulatorError
+from common.geometry import Pose, Scan
+
+LAYERS_FIELD_OF_VIEW = np.radians(30.0)
+# Returns of the 3D lidar between this height and the top of the walls count as walls, metres above the floor.
+LOWEST_OBSTACLE = 0.15
+_RAYS_PER_CALL = int(pybullet.MAX_RAY_INTERSECTION_BATCH_SIZE)
+
+
+class Lidar:
+    """A lidar on a link of a robot. Its rays start in the link's frame, so it tilts when the robot does.
+
+    With one layer the rays meet walls only; with sixteen (elevations evenly from -15 to +15 degrees) the floor too.
+    """
+
+    def __init__(self, beams: BeamPattern, layers: int, wall_height: float) -> None:
+        """Prepare the rays once; `sense` only moves them."""
+        self._beams = beams
+        self._layers = layers
+        self._wall_height = wall_height
+        half = 0.5 * float(LAYERS_FIELD_OF_VIEW)
+        elevations = np.linspace(-half, half, layers) if layers > 1 else np.zeros(1)
+        flat = np.cos(elevations)[:, None]
+        directions = np.empty((layers, beams.rays, 3))
+        directions[:, :, 0] = flat * np.cos(beams.angles)
+        directions[:, :, 1] = flat * np.sin(beams.angles)
+        directions[:, :, 2] = np.sin(elevations)[:, None]
+        self._directions: NDArray[np.float64] = directions.reshape(-1, 3)
+        ends = (self._directions * beams.range_max).tolist()
+        starts = [[0.0, 0.0, 0.0]] * len(ends)
+        self._calls = [
+            (starts[i : i + _RAYS_PER_CALL], ends[i : i + _RAYS_PER_CALL])
+            for i in range(0, len(ends), _RAYS_PER_CALL)
+        ]
+        self._mask = WALL_GROUP if layers == 1 else WALL_GROUP | FLOOR_GROUP
+        self._cloud: NDArray[np.float64] | None = None
+        self._ranges: NDArray[np.float64] | None = None
+        self._frame: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+
+    def forget(self) -> None:
+        """Drop the last scan."""
+        self._ranges = None
+
+    def sense(self, client: int, body: int, link: int) -> Scan:
+        """Scan from where the link is now."""
+        fractions = np.array(
+            [
+                hit[2]
+                for starts, ends in self._calls
+                for hit in pybullet.rayTestBatch(
+                    starts,
+                    ends,
+                    numThreads=1,
+                    parentObjectUniqueId=body,
+                    parentLinkIndex=link,
+                    collisionFilterMask=self._mask,
+                    physicsClientId=client,
+                )
+            ]
+        )
+        ranges = self._beams.disturb(np.where(fractions < 1.0, fractions * self._beams.range_max, np.inf))
+        state = pybullet.getLinkState(body, link, physicsClientId=client)
+        rotation = np.array(pybullet.getMatrixFromQuaternion(state[1])).reshape(3, 3)
+        self._ranges, self._frame = ranges, (np.array(state[0]), rotation)
+        return self._beams.to_scan(ranges if self._layers == 1 else self._project(ranges, rotation, state[0][2]))
+
+    def point_cloud(self) -> NDArray[np.float64]:
+        """Return the points of the last scan, metres, map frame, shape (n, 3); beams without return are left out.
+
+        Raises:
+            SimulatorError: there was no scan since the reset.
+        """
+        if self._ranges is None or self._frame is None:
+            raise SimulatorError("there is no point cloud before the first scan: call scan() first")
+        origin, rotation = self._frame
+        met = np.isfinite(self._ranges)
+        return origin + (self._directions[met] * self._ranges[met, None]) @ rotation.T
+
+    def _project(
+        self, ranges: NDArray[np.float64], rotation: NDArray[np.float64], height: float
+    ) -> NDArray[np.float64]:
+        """Return the nearest wall return of each azimuth, measured along the plane of the floor."""
+        rising = self._directions @ rotation[2]
+        flat = ranges * np.sqrt(1.0 - rising**2)
+        with np.errstate(invalid="ignore"):
+            z = height + ranges * rising
+        wall = np.isfinite(ranges) & (z >= LOWEST_OBSTACLE) & (z <= self._wall_height + LOWEST_OBSTACLE)
+        return np.where(wall, flat, np.inf).reshape(self._layers, -1).min(axis=0)
+
+
+def free_distance(client: int, pose: Pose, length: float, height: float) -> float:
+    """Tell how far a point can go from a pose along its yaw before a wall, infinite when not within ``length``.
+
+    Three parallel rays a millimetre apart are cast and the longest counts: a segment that touches just the corner of
+    a wall is free, as it is for lines of sight in the belief.
+    """
+    cosine, sine = np.cos(pose.yaw), np.sin(pose.yaw)
+    starts = [[pose.x - s * sine, pose.y + s * cosine, height] for s in (0.0, 1e-3, -1e-3)]
+    ends = [[x + length * cosine, y + length * sine, z] for x, y, z in starts]
+    hits = pybullet.rayTestBatch(
+        starts, ends, numThreads=1, collisionFilterMask=WALL_GROUP, physicsClientId=client
+    )
+    return float(max(hit[2] * length if hit[0] >= 0 else np.inf for hit in hits))
