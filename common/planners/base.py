@@ -1,0 +1,75 @@
+"""The contract of a planner. A planner sees what the robot knows and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Literal, Protocol
+
+from common.geometry import Pose
+from common.mapping.mapper import Mapper
+
+TaskName = Literal["exploration", "navigation"]
+Position = tuple[float, float]
+
+
+class Status(Enum):
+    """What a planner says about the task."""
+
+    GOING = "going"
+    """There is a waypoint to go to."""
+    COMPLETE = "complete"
+    """Nothing is left to do as far as the belief tells: no frontier can be observed, or the target is reached."""
+    UNREACHABLE = "unreachable"
+    """The target cannot be reached through anything that is free or unknown."""
+    STUCK = "stuck"
+    """The robot has no way to any viewpoint."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """One decision.
+
+    Attributes:
+        status: what the planner says about the task.
+        waypoint: where to go next, metres in the map frame; known free, in line of sight of the robot and at most
+            the longest edge of the viewpoint graph away (sqrt(5) spacings); None unless `status` is GOING.
+        beacon: the area that the waypoint leads to, metres, where the planner has such a notion.
+        path: the route planned beyond the waypoint, metres, for display.
+        reason: why the status is what it is, in words for the robot's operator.
+    """
+
+    status: Status
+    waypoint: Position | None = None
+    beacon: Position | None = None
+    path: list[Position] = field(default_factory=list)
+    reason: str = ""
+
+
+class Planner(Protocol):
+    """A planner for one or both tasks.
+
+    Usage::
+
+        planner.reset("navigation", target=(40.0, 12.0), seed=7)
+        while (plan := planner.plan(mapper, pose)).status is Status.GOING:
+            pose = drive_to(plan.waypoint)
+    """
+
+    @property
+    def name(self) -> str:
+        """Name by which commands and results files call it."""
+        ...
+
+    @property
+    def tasks(self) -> frozenset[TaskName]:
+        """Tasks that it can do."""
+        ...
+
+    def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
+        """Begin an episode: forget everything; equal seeds give equal episodes."""
+        ...
+
+    def plan(self, mapper: Mapper, pose: Pose) -> Plan:
+        """Decide; the mapper has taken in the newest scan and was updated at this pose."""
+        ...
