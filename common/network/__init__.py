@@ -1,0 +1,1 @@
+"""The networks over ragged graphs: packed batches, attention, encoder, decoders, policy."""

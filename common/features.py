@@ -1,0 +1,295 @@
+"""Node features: what the network sees of each viewpoint, computed from the observation alone."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from common.observation import NEIGHBOUR_COUNT, ObservationBatch
+
+FeatureSet = Literal["paper", "extended"]
+FEATURE_NAMES: dict[FeatureSet, tuple[str, ...]] = {
+    "paper": (
+        "x",
+        "y",
+        "utility",
+        "visited",
+        "beacon",
+        "robot",
+        "target",
+        "target_direction_x",
+        "target_direction_y",
+        "target_distance",
+    )
+}
+FEATURE_NAMES["extended"] = (
+    *FEATURE_NAMES["paper"],
+    "robot_graph_distance",
+    "degree",
+    "useful_graph_distance",
+    "on_beacon_path",
+    "target_graph_distance",
+)
+
+# Lattice steps per unit of a position or distance, and the largest such value.
+_SCALE = 20.0
+_LIMIT = 8.0
+# Two path lengths that differ by less are one length: sums of 1, sqrt 2, 2 and sqrt 5 in different orders.
+_TIE = 1e-6
+_LINK_SLOT = NEIGHBOUR_COUNT + 1
+
+
+def feature_count(features: FeatureSet) -> int:
+    """Number F of features per node."""
+    return len(FEATURE_NAMES[features])
+
+
+def node_features(
+    batch: ObservationBatch, neighbours: NDArray[np.int32], node_ptr: NDArray[np.int64], features: FeatureSet
+) -> NDArray[np.float32]:
+    """Compute the features of all nodes, the targets included.
+
+    Every value is bounded. Distances are in lattice steps; *graph* distances run along edges and never lead through
+    the target. Of a target that is not known yet, its links are the beacons: its graph distance is then the
+    optimistic estimate over them.
+
+    ====  ======================  ==================================================================  ==========
+    col.  name                    meaning                                                             range
+    ====  ======================  ==================================================================  ==========
+    0, 1  x, y                    position relative to the robot / 20                                 -8 .. 8
+    2     utility                 log(1 + observable frontiers) / 4                                   0 .. 2.78
+    3     visited                 the robot has been here                                             0, 1
+    4     beacon                  stands for a group of useful viewpoints; a known target             0, 1
+    5     robot                   the robot's node                                                    0, 1
+    6     target                  the target's node                                                   0, 1
+    7, 8  target_direction        unit vector from this node to the target, zeros without one         -1 .. 1
+    9     target_distance         straight distance to the target / 20, 0 without one                 0 .. 8
+    10    robot_graph_distance    graph distance from the robot / 20                                  0 .. 8
+    11    degree                  number of neighbours / 20                                           0 .. 1
+    12    useful_graph_distance   graph distance to the nearest viewpoint with utility / 20           0 .. 8
+    13    on_beacon_path          lies on a shortest path (any, if several) from robot to a beacon    0, 1
+    14    target_graph_distance   graph distance to the target / 20, 0 without one                    0 .. 8
+    ====  ======================  ==================================================================  ==========
+
+    Columns 0 to 9 are the set ``paper``, all 15 the set ``extended``.
+
+    Args:
+        batch: k observations.
+        neighbours: neighbour table of the nodes, batch-global rows or -1, shape (nodes, 22), see `GraphArrays`.
+        node_ptr: first node of each observation, and the number of nodes, shape (k + 1,).
+        features: which set.
+
+    Returns:
+        float32, shape (nodes, F).
+    """
+    nodes = int(node_ptr[-1])
+    out = np.zeros((nodes, feature_count(features)), dtype=np.float32)
+    _fill_features(
+        batch.count,
+        batch.offsets,
+        batch.utility,
+        batch.visited,
+        batch.beacon,
+        batch.robot,
+        batch.has_target,
+        batch.target_known,
+        batch.target_offset,
+        neighbours,
+        node_ptr,
+        features == "extended",
+        out,
+    )
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _fill_features(
+    count: NDArray[np.int32],
+    offsets: NDArray[np.int16],
+    utility: NDArray[np.uint16],
+    visited: NDArray[np.bool_],
+    beacon: NDArray[np.bool_],
+    robot: NDArray[np.int32],
+    has_target: NDArray[np.bool_],
+    target_known: NDArray[np.bool_],
+    target_offset: NDArray[np.float32],
+    neighbours: NDArray[np.int32],
+    node_ptr: NDArray[np.int64],
+    extended: bool,
+    out: NDArray[np.float32],
+) -> None:
+    view = 0
+    for g in range(len(count)):
+        first, last = node_ptr[g], node_ptr[g + 1]
+        n = count[g]
+        x = np.zeros(last - first)
+        y = np.zeros(last - first)
+        for i in range(n):
+            x[i] = offsets[view + i, 0]
+            y[i] = offsets[view + i, 1]
+            row = out[first + i]
+            row[2] = math.log1p(utility[view + i]) / 4.0
+            row[3] = visited[view + i]
+            row[4] = beacon[view + i]
+        out[first + robot[g], 5] = 1.0
+        if has_target[g]:
+            x[n] = target_offset[g, 0]
+            y[n] = target_offset[g, 1]
+            out[first + n, 4] = target_known[g]
+            out[first + n, 6] = 1.0
+        for i in range(last - first):
+            row = out[first + i]
+            row[0] = min(max(x[i] / _SCALE, -_LIMIT), _LIMIT)
+            row[1] = min(max(y[i] / _SCALE, -_LIMIT), _LIMIT)
+            if has_target[g]:
+                dx, dy = x[n] - x[i], y[n] - y[i]
+                distance = math.hypot(dx, dy)
+                if distance > 0.0:
+                    row[7] = dx / distance
+                    row[8] = dy / distance
+                row[9] = min(distance / _SCALE, _LIMIT)
+        if extended:
+            _fill_extended(
+                x, y, n, first, robot[g], utility[view : view + n], has_target[g], neighbours[first:last], out
+            )
+        view += n
+
+
+@njit(cache=True, nogil=True)
+def _fill_extended(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    n: int,
+    first: int,
+    robot: int,
+    utility: NDArray[np.uint16],
+    has_target: bool,
+    neighbours: NDArray[np.int32],
+    out: NDArray[np.float32],
+) -> None:
+    """Fill columns 10 to 14 of one observation, whose nodes start at row ``first``."""
+    nodes = len(x)
+    target = n if has_target else -1
+    distance = np.full(nodes, np.inf)
+    distance[robot] = 0.0
+    order = _shortest_paths(x, y, neighbours, first, target, distance)
+    useful = np.full(nodes, np.inf)
+    for i in range(n):
+        if utility[i] > 0:
+            useful[i] = 0.0
+    _shortest_paths(x, y, neighbours, first, target, useful)
+    for i in range(nodes):
+        row = out[first + i]
+        degree = 0
+        for slot in range(NEIGHBOUR_COUNT):
+            degree += neighbours[i, slot] >= 0
+        row[10] = min(distance[i] / _SCALE, _LIMIT)
+        row[11] = degree / NEIGHBOUR_COUNT
+        row[12] = min(useful[i] / _SCALE, _LIMIT)
+        row[13] = row[4] > 0.0 and distance[i] < np.inf
+    # From the farthest node inwards, each marked node marks all its predecessors on shortest paths.
+    for position in range(len(order) - 1, -1, -1):
+        j = order[position]
+        if out[first + j, 13] > 0.0:
+            for slot in range(_LINK_SLOT + 1):
+                i = neighbours[j, slot] - first
+                if i < 0 or i in (j, target):
+                    continue
+                if abs(distance[i] + math.hypot(x[i] - x[j], y[i] - y[j]) - distance[j]) < _TIE:
+                    out[first + i, 13] = 1.0
+    if has_target:
+        distance[:] = np.inf
+        for slot in range(NEIGHBOUR_COUNT):
+            i = neighbours[target, slot] - first
+            if i >= 0:
+                distance[i] = math.hypot(x[i] - x[target], y[i] - y[target])
+        _shortest_paths(x, y, neighbours, first, target, distance)
+        distance[target] = 0.0
+        for i in range(nodes):
+            out[first + i, 14] = min(distance[i] / _SCALE, _LIMIT)
+
+
+@njit(cache=True, nogil=True)
+def _shortest_paths(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    neighbours: NDArray[np.int32],
+    first: int,
+    target: int,
+    distance: NDArray[np.float64],
+) -> NDArray[np.int64]:
+    """Run Dijkstra from all nodes of finite ``distance``; fill the others; return the nodes in order of distance.
+
+    No path leads through the target.
+    """
+    nodes = len(x)
+    capacity = nodes + 1
+    for i in range(nodes):
+        for slot in range(_LINK_SLOT + 1):
+            capacity += neighbours[i, slot] >= 0
+    keys = np.empty(capacity)
+    items = np.empty(capacity, dtype=np.int64)
+    size = 0
+    for i in range(nodes):
+        if distance[i] < np.inf:
+            size = _push(keys, items, size, distance[i], i)
+    done = np.zeros(nodes, dtype=np.bool_)
+    order = np.empty(nodes, dtype=np.int64)
+    settled = 0
+    while size > 0:
+        i = items[0]
+        size = _pop(keys, items, size)
+        if done[i]:
+            continue
+        done[i] = True
+        order[settled] = i
+        settled += 1
+        if i == target:
+            continue
+        for slot in range(_LINK_SLOT + 1):
+            j = neighbours[i, slot] - first
+            if j < 0 or done[j]:
+                continue
+            length = distance[i] + math.hypot(x[i] - x[j], y[i] - y[j])
+            if length < distance[j]:
+                distance[j] = length
+                size = _push(keys, items, size, length, j)
+    return order[:settled]
+
+
+@njit(cache=True, nogil=True)
+def _push(keys: NDArray[np.float64], items: NDArray[np.int64], size: int, key: float, item: int) -> int:
+    """Add to the binary heap; return its new size."""
+    place = size
+    while place > 0:
+        parent = (place - 1) >> 1
+        if keys[parent] <= key:
+            break
+        keys[place], items[place] = keys[parent], items[parent]
+        place = parent
+    keys[place], items[place] = key, item
+    return size + 1
+
+
+@njit(cache=True, nogil=True)
+def _pop(keys: NDArray[np.float64], items: NDArray[np.int64], size: int) -> int:
+    """Take the smallest away from the binary heap; return its new size."""
+    size -= 1
+    key, item = keys[size], items[size]
+    place = 0
+    while True:
+        child = 2 * place + 1
+        if child >= size:
+            break
+        if child + 1 < size and keys[child + 1] < keys[child]:
+            child += 1
+        if keys[child] >= key:
+            break
+        keys[place], items[place] = keys[child], items[child]
+        place = child
+    keys[place], items[place] = key, item
+    return size

@@ -1,0 +1,91 @@
+"""The decoders: attention of few queries over all nodes, and pointers that choose among beacons and waypoints."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from common.config.schema import NetworkConfig
+from common.network.attention import CrossAttention
+from common.network.encoder import FeedForward
+from common.network.graph_batch import GraphBatch
+from common.network.segment import segment_log_softmax
+
+# Pointer logits are squashed to this range, which bounds how sure a decision can be.
+LOGIT_LIMIT = 10.0
+
+
+class DecoderLayer(nn.Module):
+    """q + attention(norm(q) over nodes), then q + feed-forward(norm(q)), and a last norm."""
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__()
+        self.attention_norm = nn.LayerNorm(config.width)
+        self.attention = CrossAttention(config.width, config.heads)
+        self.feedforward_norm = nn.LayerNorm(config.width)
+        self.feedforward = FeedForward(config.width, config.feedforward)
+        self.norm = nn.LayerNorm(config.width)
+
+    def forward(self, queries: Tensor, query_ptr: np.ndarray, nodes: Tensor, batch: GraphBatch) -> Tensor:
+        """Decode queries (queries, d), grouped by ``query_ptr`` (k + 1,), over encoded nodes (nodes, d)."""
+        queries = queries + self.attention(self.attention_norm(queries), query_ptr, nodes, batch)
+        return self.norm(queries + self.feedforward(self.feedforward_norm(queries)))
+
+
+class Pointer(nn.Module):
+    """Scaled, squashed dot products of a decoded query with the features of its choices: 10 tanh(q k / sqrt d)."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.query = nn.Linear(width, width, bias=False)
+        self.key = nn.Linear(width, width, bias=False)
+
+    def forward(self, queries: Tensor, keys: Tensor) -> Tensor:
+        """Return logits, float32, shape (items,), of projected queries and keys, both (items, d)."""
+        scores = (queries.float() * keys.float()).sum(-1) / queries.shape[-1] ** 0.5
+        return LOGIT_LIMIT * torch.tanh(scores)
+
+
+class BeaconDecoder(nn.Module):
+    """π_b(b | o): the robot's feature asks all viewpoints, then points at a beacon (paper, section IV-C)."""
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__()
+        self.decoder = DecoderLayer(config)
+        self.pointer = Pointer(config.width)
+
+    def forward(self, nodes: Tensor, batch: GraphBatch) -> tuple[Tensor, Tensor]:
+        """Return log π_b, shape (total beacons,), and the beacons' pointer features, (total beacons, d)."""
+        one_each = np.arange(len(batch) + 1)
+        robots = nodes.index_select(0, batch.robot_rows)
+        queries = self.pointer.query(self.decoder(robots, one_each, nodes, batch))
+        keys = self.pointer.key(nodes.index_select(0, batch.beacon_rows))
+        logits = self.pointer(queries.index_select(0, batch.beacon_graph), keys)
+        return segment_log_softmax(logits, batch.beacon_graph, len(batch)), keys
+
+
+class WaypointDecoder(nn.Module):
+    """π_a(a | o, b): the beacon's and the robot's feature ask all viewpoints, then point at a waypoint.
+
+    All beacons are decoded at once. In `vanilla` the robot's feature asks alone.
+    """
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__()
+        self.hierarchical = config.variant != "vanilla"
+        self.join = nn.Linear((2 if self.hierarchical else 1) * config.width, config.width)
+        self.decoder = DecoderLayer(config)
+        self.pointer = Pointer(config.width)
+
+    def forward(self, nodes: Tensor, batch: GraphBatch) -> tuple[Tensor, Tensor]:
+        """Return log π_a, shape (total pairs,), and the waypoints' pointer features, (total waypoints, d)."""
+        asking = nodes.index_select(0, batch.beacon_rows)
+        if self.hierarchical:
+            robots = nodes.index_select(0, batch.robot_rows.index_select(0, batch.beacon_graph))
+            asking = torch.cat([asking, robots], dim=1)
+        queries = self.decoder(self.join(asking), batch.arrays.beacon_ptr, nodes, batch)
+        queries = self.pointer.query(queries).index_select(0, batch.pair_beacon)
+        keys = self.pointer.key(nodes.index_select(0, batch.waypoint_rows))
+        logits = self.pointer(queries, keys.index_select(0, batch.pair_waypoint))
+        return segment_log_softmax(logits, batch.pair_beacon, len(batch.beacon_rows)), keys

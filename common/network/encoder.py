@@ -1,0 +1,62 @@
+"""The viewpoint encoder: pre-norm transformer layers whose attention runs along the edges of the graph."""
+
+from __future__ import annotations
+
+from torch import Tensor, nn
+from torch.nn import functional
+
+from common.config.schema import NetworkConfig
+from common.features import feature_count
+from common.network.attention import EdgeAttention
+from common.network.graph_batch import GraphBatch
+
+
+class FeedForward(nn.Module):
+    """Two linear maps with a ReLU between them.
+
+    Args:
+        width: d of input and output.
+        factor: hidden size as a multiple of the width.
+    """
+
+    def __init__(self, width: int, factor: int) -> None:
+        super().__init__()
+        self.rise = nn.Linear(width, factor * width)
+        self.fall = nn.Linear(factor * width, width)
+
+    def forward(self, inputs: Tensor) -> Tensor:
+        """Map (items, d) to (items, d)."""
+        return self.fall(functional.relu(self.rise(inputs), inplace=True))
+
+
+class EncoderLayer(nn.Module):
+    """x + attention(norm(x)), then x + feed-forward(norm(x))."""
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__()
+        self.attention_norm = nn.LayerNorm(config.width)
+        self.attention = EdgeAttention(config.width, config.heads)
+        self.feedforward_norm = nn.LayerNorm(config.width)
+        self.feedforward = FeedForward(config.width, config.feedforward)
+
+    def forward(self, nodes: Tensor, batch: GraphBatch) -> Tensor:
+        """Map node features (nodes, d) to (nodes, d)."""
+        nodes = nodes + self.attention(self.attention_norm(nodes), batch)
+        return nodes + self.feedforward(self.feedforward_norm(nodes))
+
+
+class Encoder(nn.Module):
+    """Viewpoint encoder of policy and critics (paper, section IV-B)."""
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__()
+        self.embedding = nn.Linear(feature_count(config.features), config.width)
+        self.layers = nn.ModuleList(EncoderLayer(config) for _ in range(config.layers))
+        self.norm = nn.LayerNorm(config.width)
+
+    def forward(self, batch: GraphBatch) -> Tensor:
+        """Encode all nodes of a batch: float32 or the autocast type, shape (nodes, d)."""
+        nodes: Tensor = self.embedding(batch.features)
+        for layer in self.layers:
+            nodes = layer(nodes, batch)
+        return self.norm(nodes)

@@ -1,0 +1,245 @@
+"""Observations as the network reads them: node features, neighbour rows and ragged sets of choices, in numpy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from common.config.schema import NetworkConfig
+from common.features import node_features
+from common.observation import NEIGHBOUR_COUNT, ObservationBatch
+from common.observation_index import neighbour_table
+
+SELF_SLOT = NEIGHBOUR_COUNT
+LINK_SLOT = NEIGHBOUR_COUNT + 1
+SLOTS = NEIGHBOUR_COUNT + 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GraphArrays:
+    """k observations as packed nodes; rows count the nodes of all observations, targets included.
+
+    The variant `vanilla` chooses no beacon: its beacon set is one dummy slot per observation, whose row is the
+    robot's, so that every table and loss keeps one form.
+
+    Attributes:
+        features: float32, shape (nodes, F), see `common.features`.
+        neighbours: rows that a node attends to, -1 where absent, int32, shape (nodes, 22): the 20 lattice
+            neighbours, the node itself, and the target where it is linked. A target has its links in the first 20.
+        node_ptr: first row of each observation, then the number of rows, int64, shape (k + 1,).
+        robot_rows: row of the robot's node, int64, shape (k,).
+        beacon_rows: rows of all beacons, ascending, int64, shape (total beacons,); an index into it is a *beacon
+            slot*.
+        beacon_ptr: first beacon slot of each observation, then their number, int64, shape (k + 1,).
+        waypoint_rows: rows of all waypoints in the order of `Observation.waypoint_nodes`, int64; an index into it
+            is a *waypoint slot*.
+        waypoint_ptr: first waypoint slot of each observation, then their number, int64, shape (k + 1,).
+        pairs: (observation, beacon slot, waypoint slot) of every pair, the waypoint running fastest, int64,
+            shape (total pairs, 3).
+        pair_ptr: first pair of each observation, then their number, int64, shape (k + 1,).
+        has_beacons: False for `vanilla`.
+    """
+
+    features: NDArray[np.float32]
+    neighbours: NDArray[np.int32]
+    node_ptr: NDArray[np.int64]
+    robot_rows: NDArray[np.int64]
+    beacon_rows: NDArray[np.int64]
+    beacon_ptr: NDArray[np.int64]
+    waypoint_rows: NDArray[np.int64]
+    waypoint_ptr: NDArray[np.int64]
+    pairs: NDArray[np.int64]
+    pair_ptr: NDArray[np.int64]
+    has_beacons: bool
+
+    def __len__(self) -> int:
+        return len(self.robot_rows)
+
+    @classmethod
+    def from_observations(cls, batch: ObservationBatch, config: NetworkConfig) -> GraphArrays:
+        """Build the arrays of a batch for a network of ``config``."""
+        table = neighbour_table(batch.count, batch.offsets, batch.edges)
+        node_ptr = np.zeros(len(batch) + 1, dtype=np.int64)
+        np.cumsum(batch.count + batch.has_target, out=node_ptr[1:])
+        neighbours = np.full((int(node_ptr[-1]), SLOTS), -1, dtype=np.int32)
+        _fill_neighbours(
+            batch.count, table, batch.has_target, batch.link_count, batch.target_links, node_ptr, neighbours
+        )
+        robot_rows = node_ptr[:-1] + batch.robot
+        hierarchical = config.variant != "vanilla"
+        if hierarchical:
+            beacon_rows, beacon_ptr = _beacon_sets(batch.count, batch.beacon, batch.target_known, node_ptr)
+        else:
+            beacon_rows, beacon_ptr = robot_rows.copy(), np.arange(len(batch) + 1)
+        waypoint_rows, waypoint_ptr = _waypoint_sets(neighbours, robot_rows, batch.has_target & batch.target_known)
+        pairs, pair_ptr = _pair_table(beacon_ptr, waypoint_ptr)
+        return cls(
+            features=node_features(batch, neighbours, node_ptr, config.features),
+            neighbours=neighbours,
+            node_ptr=node_ptr,
+            robot_rows=robot_rows,
+            beacon_rows=beacon_rows,
+            beacon_ptr=beacon_ptr,
+            waypoint_rows=waypoint_rows,
+            waypoint_ptr=waypoint_ptr,
+            pairs=pairs,
+            pair_ptr=pair_ptr,
+            has_beacons=hierarchical,
+        )
+
+    def beacon_slots(self, nodes: NDArray[np.int32]) -> NDArray[np.int64]:
+        """Return the slot of one beacon node per observation, shape (k,); -1 stays -1.
+
+        In `vanilla` every node gets the dummy slot.
+
+        Raises:
+            ValueError: a node is no beacon of its observation.
+        """
+        if not self.has_beacons:
+            return np.where(nodes < 0, -1, np.arange(len(self)))
+        return self._slots(nodes, self.beacon_rows, self.beacon_ptr, "beacon")
+
+    def waypoint_slots(self, nodes: NDArray[np.int32]) -> NDArray[np.int64]:
+        """Return the slot of one waypoint node per observation, shape (k,); -1 stays -1.
+
+        Raises:
+            ValueError: a node is no waypoint of its observation.
+        """
+        return self._slots(nodes, self.waypoint_rows, self.waypoint_ptr, "waypoint")
+
+    def pair_index(self, beacons: NDArray[np.int32], waypoints: NDArray[np.int32]) -> NDArray[np.int64]:
+        """Return the index into `pairs` of one (beacon node, waypoint node) per observation, shape (k,).
+
+        Raises:
+            ValueError: a node is no beacon or no waypoint of its observation.
+        """
+        beacon = self.beacon_slots(beacons) - self.beacon_ptr[:-1]
+        waypoint = self.waypoint_slots(waypoints) - self.waypoint_ptr[:-1]
+        if min(beacon.min(initial=0), waypoint.min(initial=0)) < 0:
+            raise ValueError("every transition needs a chosen beacon and waypoint, but one of them is -1")
+        return self.pair_ptr[:-1] + beacon * np.diff(self.waypoint_ptr) + waypoint
+
+    def _slots(
+        self, nodes: NDArray[np.int32], rows: NDArray[np.int64], ptr: NDArray[np.int64], what: str
+    ) -> NDArray[np.int64]:
+        slots = _find_slots(np.asarray(nodes, dtype=np.int64), self.node_ptr, rows, ptr)
+        if len(slots) and slots.min() < -1:
+            bad = int(np.argmin(slots))
+            valid = (rows[ptr[bad] : ptr[bad + 1]] - self.node_ptr[bad]).tolist()
+            raise ValueError(
+                f"observation {bad} of the batch: node {int(nodes[bad])} is no {what} of it; the {what}s are {valid}"
+            )
+        return slots
+
+
+@njit(cache=True, nogil=True)
+def _fill_neighbours(
+    count: NDArray[np.int32],
+    table: NDArray[np.int32],
+    has_target: NDArray[np.bool_],
+    link_count: NDArray[np.int32],
+    target_links: NDArray[np.uint16],
+    node_ptr: NDArray[np.int64],
+    neighbours: NDArray[np.int32],
+) -> None:
+    view = 0
+    link = 0
+    for g in range(len(count)):
+        first = node_ptr[g]
+        for i in range(count[g]):
+            for slot in range(NEIGHBOUR_COUNT):
+                other = table[view + i, slot]
+                if other >= 0:
+                    neighbours[first + i, slot] = other - view + first
+            neighbours[first + i, SELF_SLOT] = first + i
+        if has_target[g]:
+            target = first + count[g]
+            neighbours[target, SELF_SLOT] = target
+            for slot in range(link_count[g]):
+                linked = first + target_links[link + slot]
+                neighbours[target, slot] = linked
+                neighbours[linked, LINK_SLOT] = target
+        view += count[g]
+        link += link_count[g]
+
+
+@njit(cache=True, nogil=True)
+def _beacon_sets(
+    count: NDArray[np.int32],
+    beacon: NDArray[np.bool_],
+    target_known: NDArray[np.bool_],
+    node_ptr: NDArray[np.int64],
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    rows = np.empty(beacon.sum() + target_known.sum(), dtype=np.int64)
+    ptr = np.zeros(len(count) + 1, dtype=np.int64)
+    view = 0
+    slot = 0
+    for g in range(len(count)):
+        for i in range(count[g]):
+            if beacon[view + i]:
+                rows[slot] = node_ptr[g] + i
+                slot += 1
+        if target_known[g]:
+            rows[slot] = node_ptr[g] + count[g]
+            slot += 1
+        view += count[g]
+        ptr[g + 1] = slot
+    return rows[:slot], ptr
+
+
+@njit(cache=True, nogil=True)
+def _waypoint_sets(
+    neighbours: NDArray[np.int32], robot_rows: NDArray[np.int64], target_known: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    rows = np.empty(len(robot_rows) * (NEIGHBOUR_COUNT + 1), dtype=np.int64)
+    ptr = np.zeros(len(robot_rows) + 1, dtype=np.int64)
+    at = 0
+    for g in range(len(robot_rows)):
+        for slot in range(NEIGHBOUR_COUNT):
+            other = neighbours[robot_rows[g], slot]
+            if other >= 0:
+                rows[at] = other
+                at += 1
+        target = neighbours[robot_rows[g], LINK_SLOT]
+        if target_known[g] and target >= 0:
+            rows[at] = target
+            at += 1
+        ptr[g + 1] = at
+    return rows[:at], ptr
+
+
+@njit(cache=True, nogil=True)
+def _pair_table(
+    beacon_ptr: NDArray[np.int64], waypoint_ptr: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    ptr = np.zeros(len(beacon_ptr), dtype=np.int64)
+    for g in range(len(beacon_ptr) - 1):
+        ptr[g + 1] = ptr[g] + (beacon_ptr[g + 1] - beacon_ptr[g]) * (waypoint_ptr[g + 1] - waypoint_ptr[g])
+    pairs = np.empty((ptr[-1], 3), dtype=np.int64)
+    at = 0
+    for g in range(len(beacon_ptr) - 1):
+        for beacon in range(beacon_ptr[g], beacon_ptr[g + 1]):
+            for waypoint in range(waypoint_ptr[g], waypoint_ptr[g + 1]):
+                pairs[at, 0] = g
+                pairs[at, 1] = beacon
+                pairs[at, 2] = waypoint
+                at += 1
+    return pairs, ptr
+
+
+@njit(cache=True, nogil=True)
+def _find_slots(
+    nodes: NDArray[np.int64], node_ptr: NDArray[np.int64], rows: NDArray[np.int64], ptr: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Find one node per observation; -1 for node -1, -2 where it is not in the set."""
+    slots = np.full(len(nodes), -2, dtype=np.int64)
+    for g in range(len(nodes)):
+        if nodes[g] == -1:
+            slots[g] = -1
+        for slot in range(ptr[g], ptr[g + 1]):
+            if rows[slot] == node_ptr[g] + nodes[g]:
+                slots[g] = slot
+    return slots
