@@ -20,7 +20,7 @@ class RatioKeeper:
     Args:
         updates_per_step: declared ratio.
         tolerance: steps that the actors may run ahead before they are held; at least what one update needs.
-        min_steps: steps to collect, and transitions to hold, before the first update.
+        min_steps: steps to collect before the first update.
         clock: monotonic seconds.
     """
 
@@ -39,6 +39,7 @@ class RatioKeeper:
         self._steps = 0
         self._updates = 0
         self._filled = 0
+        self._fresh_from = 0
         self._paused = False
         self._last_update: float | None = None
         self._update_seconds = 0.0
@@ -74,10 +75,14 @@ class RatioKeeper:
             self._paused = value
             self._last_update = None
 
-    def restore(self, steps: int, updates: int) -> None:
-        """Continue with the counts of a checkpoint."""
+    def restore(self, steps: int, updates: int, filled: int) -> None:
+        """Continue with the counts of an earlier process; ``filled`` is the number of transitions that it left.
+
+        When it left none, `min_steps` are collected anew before the next update.
+        """
         with self._lock:
-            self._steps, self._updates = steps, updates
+            self._steps, self._updates, self._filled = steps, updates, filled
+            self._fresh_from = 0 if filled else steps
             self._last_update = None
 
     def note_steps(self, steps: int, filled: int) -> None:
@@ -114,5 +119,4 @@ class RatioKeeper:
             return min(MAX_HOLD, max(MIN_HOLD, excess * self.updates_per_step * seconds_per_update))
 
     def _ready(self) -> bool:
-        # The buffer may be emptier than the count of steps says: it is when a run resumes without its replay buffer.
-        return not self._paused and self._steps >= self.min_steps and self._filled > 0
+        return not self._paused and self._filled > 0 and self._steps - self._fresh_from >= self.min_steps
