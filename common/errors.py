@@ -36,3 +36,7 @@ class CheckpointError(HDError):
 
 class SimulatorError(HDError):
     """A simulator cannot start or left its valid state."""
+
+
+class MappingError(HDError):
+    """A scan, a pose or the state of the belief does not allow what was asked of it."""

@@ -1,0 +1,123 @@
+"""Frontiers: free cells at the edge of what is known, kept up to date where the belief changed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from common.mapping.belief import Belief
+from common.mapping.sight import FREE, UNKNOWN, Box
+
+# Unknown cells among its eight neighbours that make a free cell a frontier.
+MIN_UNKNOWN: Final = 2
+
+
+@njit(cache=True, nogil=True)
+def _find_changes(
+    cells: NDArray[np.int8],
+    settled: NDArray[np.int8],
+    mask: NDArray[np.bool_],
+    row_low: int,
+    row_high: int,
+    column_low: int,
+    column_high: int,
+    added: NDArray[np.int32],
+    removed: NDArray[np.int32],
+) -> tuple[int, int, int, int, int, int]:
+    """Find the frontiers that came and went, and the cells that are free no more.
+
+    A frontier is a free cell with at least `MIN_UNKNOWN` unknown cells among its eight neighbours, those outside the
+    grid included.
+
+    Args:
+        cells: padded grid, int8, shape (height, width).
+        settled: the padded grid at the last update, same shape; brought up to date.
+        mask: cells that are frontiers, bool, shape (height, width); brought up to date.
+        row_low: first row of the box of changes in the padded grid.
+        row_high: its last row.
+        column_low: its first column.
+        column_high: its last column.
+        added: receives flat indices of new frontiers, int32; as long as the grid.
+        removed: receives flat indices of cells that are frontiers no more, likewise.
+
+    Returns:
+        Number of new and of gone frontiers, and the box (first row, last row, first column, last column) of cells
+        that were free and are not any more; its last row is -1 when there are none.
+    """
+    height, width = cells.shape
+    lost = (height, -1, width, -1)
+    for row in range(row_low, row_high + 1):
+        for column in range(column_low, column_high + 1):
+            if settled[row, column] != cells[row, column]:
+                if settled[row, column] == FREE:
+                    lost = (min(lost[0], row), row, min(lost[2], column), max(lost[3], column))
+                settled[row, column] = cells[row, column]
+    first, last = max(column_low - 1, 1), min(column_high + 1, width - 2)
+    new = 0
+    gone = 0
+    for row in range(max(row_low - 1, 1), min(row_high + 1, height - 2) + 1):
+        below, here, above = cells[row - 1], cells[row], cells[row + 1]
+        left = (below[first - 1] < 0) + (here[first - 1] < 0) + (above[first - 1] < 0)
+        middle = (below[first] < 0) + (here[first] < 0) + (above[first] < 0)
+        for column in range(first, last + 1):
+            right = (below[column + 1] < 0) + (here[column + 1] < 0) + (above[column + 1] < 0)
+            frontier = here[column] == FREE and left + middle + right >= MIN_UNKNOWN
+            if frontier != mask[row, column]:
+                mask[row, column] = frontier
+                if frontier:
+                    added[new] = row * width + column
+                    new += 1
+                else:
+                    removed[gone] = row * width + column
+                    gone += 1
+            left, middle = middle, right
+    return new, gone, lost[0], lost[1], lost[2], lost[3]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrontierChanges:
+    """What an update did to the frontiers.
+
+    Attributes:
+        added: flat cells of the padded grid that became frontiers, int32; valid until the next update.
+        removed: flat cells that are frontiers no more, likewise.
+        lost: box of the cells that were free and are not any more; its second number is -1 when there are none.
+    """
+
+    added: NDArray[np.int32]
+    removed: NDArray[np.int32]
+    lost: Box
+
+
+class Frontiers:
+    """The frontiers of one generation of the belief.
+
+    A frontier is a free cell with at least two unknown cells among its eight neighbours: a single unknown cell, as
+    it stays behind when two walls meet in a corner that no beam ever enters, is nothing to explore.
+    """
+
+    def __init__(self, belief: Belief) -> None:
+        padded = belief.padded
+        self._settled = np.full(padded.shape, UNKNOWN, dtype=np.int8)
+        self._mask = np.zeros(padded.shape, dtype=np.bool_)
+        self._added = np.empty(padded.size, dtype=np.int32)
+        self._removed = np.empty(padded.size, dtype=np.int32)
+
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """Frontier cells of the belief's grid (not padded), bool, shape (rows, columns)."""
+        return self._mask[1:-1, 1:-1]
+
+    def update(self, padded: NDArray[np.int8], changed: Box) -> FrontierChanges:
+        """Bring the frontiers up to date.
+
+        Args:
+            padded: the belief's padded grid.
+            changed: box of all cells that changed since the last update.
+        """
+        added, removed, *lost = _find_changes(padded, self._settled, self._mask, *changed, self._added, self._removed)
+        return FrontierChanges(self._added[:added], self._removed[:removed], (lost[0], lost[1], lost[2], lost[3]))
