@@ -1,0 +1,96 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from actors.tasks import ExplorationTask, NavigationTask, make_task
+from actors.tasks.coverage import Coverage
+from common.config.schema import TaskConfig
+from common.errors import MapError
+from common.geometry import Pose
+from tests.actors.worlds import draw
+
+WORLD = draw(
+    "#########",
+    "#S..#...#",
+    "#...#...#",
+    "#..T#...#",
+    "#########",
+)
+
+
+def belief(world, seen):
+    """Cells of a belief of the world's own frame: what is seen is free or occupied, the rest unknown."""
+    return np.where(seen, np.where(world.free, 0, 100), -1).astype(np.int8)
+
+
+def test_coverage_counts_what_can_be_reached():
+    coverage = Coverage(WORLD)
+    assert coverage.unseen_area == pytest.approx(9.0)
+    assert coverage.explored == 0.0
+    seen = np.zeros_like(WORLD.free)
+    seen[2:4] = True  # the bottom metre of the left room, and of the right one, which does not count
+    coverage.update(belief(WORLD, seen), 0.5, (0.0, 0.0))
+    assert coverage.unseen_area == pytest.approx(6.0)
+    assert coverage.explored == pytest.approx(1 / 3)
+
+
+def test_coverage_follows_a_belief_that_grows():
+    coverage = Coverage(WORLD)
+    small = np.zeros((4, 4), dtype=np.int8)
+    coverage.update(small, 0.5, (1.0, 1.0))
+    assert coverage.unseen_area == pytest.approx(5.0)
+    coverage.update(np.full((40, 40), -1, dtype=np.int8), 0.5, (-4.0, -4.0))
+    assert coverage.unseen_area == pytest.approx(5.0), "what was seen stays seen"
+    coverage.update(np.zeros((40, 40), dtype=np.int8), 0.5, (-4.0, -4.0))
+    assert coverage.unseen_area == 0.0
+    assert coverage.explored == 1.0
+
+
+def test_coverage_at_a_coarser_belief():
+    coverage = Coverage(WORLD)
+    coverage.update(np.zeros((3, 5), dtype=np.int8), 2.0, (0.0, 0.0))
+    assert coverage.unseen_area == 0.0
+
+
+def test_a_start_in_a_wall_is_an_error():
+    with pytest.raises(MapError, match="start"):
+        Coverage(dataclasses.replace(WORLD, start=(0.1, 0.1)))
+
+
+def test_exploration_is_complete_at_the_tolerance():
+    coverage = Coverage(WORLD)
+    task = make_task(TaskConfig(name="exploration", unseen_area=6.0))
+    task.reset(WORLD)
+    assert isinstance(task, ExplorationTask)
+    assert not task.complete(coverage, Pose(1.5, 3.5))
+    seen = np.zeros_like(WORLD.free)
+    seen[2:4] = True
+    coverage.update(belief(WORLD, seen), 0.5, (0.0, 0.0))
+    assert task.complete(coverage, Pose(1.5, 3.5))
+
+
+def test_navigation_is_complete_near_the_target():
+    task = make_task(TaskConfig(name="navigation", arrival_radius=1.6))
+    task.reset(WORLD)
+    assert isinstance(task, NavigationTask)
+    assert task.target == (3.5, 1.5)
+    coverage = Coverage(WORLD)
+    assert task.complete(coverage, Pose(3.5, 3.0))
+    assert not task.complete(coverage, Pose(3.5, 3.2))
+    assert task.progress(Pose(3.5, 3.5)) == pytest.approx(2.0)
+
+
+def test_navigation_is_complete_inside_the_marker():
+    region = np.zeros_like(WORLD.free)
+    region[2:8, 2:4] = True
+    task = NavigationTask(arrival_radius=0.1)
+    task.reset(dataclasses.replace(WORLD, target_region=region))
+    coverage = Coverage(WORLD)
+    assert task.complete(coverage, Pose(1.2, 3.7))
+    assert not task.complete(coverage, Pose(2.2, 3.7))
+
+
+def test_navigation_needs_a_target():
+    with pytest.raises(MapError, match="no target"):
+        NavigationTask(1.6).reset(dataclasses.replace(WORLD, target=None))
