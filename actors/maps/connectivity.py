@@ -6,12 +6,24 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+# The four neighbours that share a side, then the four that share a corner: (row, column) steps.
+_STEPS = np.array(
+    [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (-1, 1), (1, -1), (1, 1)],
+    dtype=np.int64,
+)
+
 
 @njit(cache=True, nogil=True)
-def _flood(mask: NDArray[np.bool_], labels: NDArray[np.int32], stack: NDArray[np.int64], first: int, label: int) -> int:
+def _flood(
+    mask: NDArray[np.bool_],
+    labels: NDArray[np.int32],
+    stack: NDArray[np.int64],
+    first: int,
+    label: int,
+    steps: NDArray[np.int64],
+) -> int:
     """Give ``label`` to the region of cell ``first`` and return its size; ``labels`` must be 0 there."""
-    columns = mask.shape[1]
-    rows = mask.shape[0]
+    rows, columns = mask.shape
     labels[first // columns, first % columns] = label
     stack[0] = first
     top = 1
@@ -20,51 +32,42 @@ def _flood(mask: NDArray[np.bool_], labels: NDArray[np.int32], stack: NDArray[np
         top -= 1
         cell = stack[top]
         size += 1
-        row = cell // columns
-        column = cell % columns
-        if row > 0 and mask[row - 1, column] and labels[row - 1, column] == 0:
-            labels[row - 1, column] = label
-            stack[top] = cell - columns
-            top += 1
-        if row + 1 < rows and mask[row + 1, column] and labels[row + 1, column] == 0:
-            labels[row + 1, column] = label
-            stack[top] = cell + columns
-            top += 1
-        if column > 0 and mask[row, column - 1] and labels[row, column - 1] == 0:
-            labels[row, column - 1] = label
-            stack[top] = cell - 1
-            top += 1
-        if column + 1 < columns and mask[row, column + 1] and labels[row, column + 1] == 0:
-            labels[row, column + 1] = label
-            stack[top] = cell + 1
-            top += 1
+        row, column = cell // columns, cell % columns
+        for k in range(len(steps)):
+            y, x = row + steps[k, 0], column + steps[k, 1]
+            if 0 <= y < rows and 0 <= x < columns and mask[y, x] and labels[y, x] == 0:
+                labels[y, x] = label
+                stack[top] = y * columns + x
+                top += 1
     return size
 
 
 @njit(cache=True, nogil=True)
-def _label(mask: NDArray[np.bool_], labels: NDArray[np.int32]) -> int:
+def _label(mask: NDArray[np.bool_], labels: NDArray[np.int32], steps: NDArray[np.int64]) -> int:
     stack = np.empty(mask.size, dtype=np.int64)
-    columns = mask.shape[1]
+    rows, columns = mask.shape
     count = 0
-    for cell in range(mask.size):
-        if mask[cell // columns, cell % columns] and labels[cell // columns, cell % columns] == 0:
-            count += 1
-            _flood(mask, labels, stack, cell, count)
+    for row in range(rows):
+        for column in range(columns):
+            if mask[row, column] and labels[row, column] == 0:
+                count += 1
+                _flood(mask, labels, stack, row * columns + column, count, steps)
     return count
 
 
-def label_regions(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
-    """Number the 4-connected regions of a mask.
+def label_regions(mask: NDArray[np.bool_], *, diagonal: bool = False) -> tuple[NDArray[np.int32], int]:
+    """Number the connected regions of a mask.
 
     Args:
         mask: bool, shape (rows, columns).
+        diagonal: whether cells that share only a corner are connected too.
 
     Returns:
         Labels, int32, shape of ``mask``: 0 outside the mask, 1 to count inside, in row-major order of each region's
         first cell; and the count.
     """
     labels = np.zeros(mask.shape, dtype=np.int32)
-    return labels, int(_label(np.ascontiguousarray(mask), labels))
+    return labels, int(_label(np.ascontiguousarray(mask), labels, _STEPS if diagonal else _STEPS[:4]))
 
 
 def reachable(mask: NDArray[np.bool_], cell: tuple[int, int]) -> NDArray[np.bool_]:
@@ -80,5 +83,5 @@ def reachable(mask: NDArray[np.bool_], cell: tuple[int, int]) -> NDArray[np.bool
     labels = np.zeros(mask.shape, dtype=np.int32)
     if mask[cell]:
         stack = np.empty(mask.size, dtype=np.int64)
-        _flood(np.ascontiguousarray(mask), labels, stack, cell[0] * mask.shape[1] + cell[1], 1)
+        _flood(np.ascontiguousarray(mask), labels, stack, cell[0] * mask.shape[1] + cell[1], 1, _STEPS[:4])
     return labels == 1

@@ -3,36 +3,72 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from actors.maps.generators.base import Generator, Plan
+from actors.maps.generators.base import Generator, Plan, Share
 from actors.maps.layout import BLOCK
 
-_Room = tuple[int, int, int, int]
+
+@dataclass(frozen=True, slots=True)
+class _Room:
+    """A rectangle of blocks, rows counted from the top of the image."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+    @property
+    def centre(self) -> tuple[int, int]:
+        """(row, column) of the block below and right of the middle."""
+        return self.top + self.height // 2, self.left + self.width // 2
+
+    def overlaps(self, other: _Room, allowed: int) -> bool:
+        """Whether the rooms share more than ``allowed`` blocks in both directions."""
+        across = min(self.left + self.width, other.left + other.width) - max(self.left, other.left)
+        down = min(self.top + self.height, other.top + other.height) - max(self.top, other.top)
+        return across > allowed and down > allowed
 
 
 @dataclass(frozen=True, slots=True)
 class _Style:
-    """What distinguishes the two public sets."""
+    """What distinguishes the two public sets; the values come from a search that docs/maps.md describes.
+
+    Attributes:
+        margin: blocks left solid at each edge; one more at the right and at the bottom.
+        sides: sides of rooms, blocks.
+        grid: room corners lie on multiples of this many blocks from the margin.
+        rooms: fewest and most rooms in an image of 40 x 30 blocks.
+        overlap: blocks that two rooms may share in both directions.
+        loops: chance per room of one more corridor.
+        wide: share of corridors three blocks wide, instead of two.
+        far: chance that start and target lie in the two rooms furthest apart.
+    """
 
     margin: int
     sides: tuple[int, ...]
     grid: int
     rooms: tuple[int, int]
+    overlap: int
+    loops: float
+    wide: float
+    far: float
 
 
 _STYLES = {
-    "exploration": _Style(margin=2, sides=(4, 6), grid=2, rooms=(5, 10)),
-    "navigation": _Style(margin=1, sides=(4, 5, 6, 7), grid=1, rooms=(3, 9)),
+    "exploration": _Style(2, (4, 6), 2, (6, 8), overlap=3, loops=0.1, wide=0.0, far=0.0),
+    "navigation": _Style(1, (4, 5), 1, (3, 8), overlap=1, loops=0.2, wide=0.1, far=0.7),
 }
+_ATTEMPTS = 25
 
 
 class Rooms(Generator):
-    """Rooms joined by right-angled corridors two blocks wide, as in the public maps."""
+    """Rooms joined by right-angled corridors, as in the public maps."""
 
     kind: ClassVar[str] = "rooms"
 
@@ -41,14 +77,16 @@ class Rooms(Generator):
     height: Annotated[int, Field(ge=12 * BLOCK, le=4096)] = 480
     """Height of the image, pixels; a multiple of 16."""
     style: Literal["exploration", "navigation"] = "exploration"
-    """Which public set the sizes and numbers of rooms follow."""
+    """Which public set to follow."""
     min_rooms: Annotated[int, Field(ge=0, le=200)] = 0
-    """Fewest rooms, at least two (a full map may hold fewer); 0 for the style's own number, scaled with the area."""
+    """Fewest rooms, at least two (a full map may hold fewer); 0 for the style's number, scaled with the area."""
     max_rooms: Annotated[int, Field(ge=0, le=200)] = 0
-    """Most rooms; 0 for the style's own number, scaled with the area."""
+    """Most rooms; 0 for the style's number, scaled with the area."""
+    loops: Share | None = None
+    """Chance per room of one more corridor, which closes a loop; the style's when not given."""
 
     @model_validator(mode="after")
-    def _whole_blocks(self) -> Rooms:
+    def _sizes_fit(self) -> Rooms:
         if self.width % BLOCK or self.height % BLOCK:
             raise ValueError(f"width and height must be multiples of {BLOCK} px, got {self.width} x {self.height}")
         if self.max_rooms and self.max_rooms < self.min_rooms:
@@ -56,78 +94,85 @@ class Rooms(Generator):
         return self
 
     def plan(self, rng: np.random.Generator) -> Plan:
-        """Place rooms one after the other and join each to the one before."""
+        """Place rooms one after the other, join each to the one before, then add loops."""
         style = _STYLES[self.style]
-        rows, columns = self.height // BLOCK, self.width // BLOCK
-        share = rows * columns / 1200
-        most = max(2, self.max_rooms or self.min_rooms or round(style.rooms[1] * share))
-        fewest = max(2, self.min_rooms or min(most, round(style.rooms[0] * share)))
-        count = int(rng.integers(fewest, max(fewest, most) + 1))
-        blocks = np.zeros((rows, columns), dtype=np.bool_)
+        count = self._count(rng, style)
         rooms: list[_Room] = []
-        while len(rooms) < 2:  # in a small image the first rooms may leave no place for a second one
-            blocks, rooms = _carve(rng, style, rows, columns, count)
-        start, target = rooms[0], rooms[-1]
-        if self.style == "exploration":
-            start = rooms[int(rng.integers(len(rooms) - 1))]
-        free = blocks.repeat(BLOCK, axis=0).repeat(BLOCK, axis=1)
-        return Plan(free=free, start=_spot(rng, start), target=_spot(rng, target))
+        while len(rooms) < 2:  # in a small image the first room may leave no place for a second one
+            rooms = self._place(rng, style, count)
+        blocks = np.zeros((self.height // BLOCK, self.width // BLOCK), dtype=np.bool_)
+        for room in rooms:
+            blocks[room.top : room.top + room.height, room.left : room.left + room.width] = True
+        pairs = list(pairwise(rooms))
+        chance = style.loops if self.loops is None else self.loops
+        for _ in range(int(np.count_nonzero(rng.random(len(rooms)) < chance))):
+            first, second = rng.permutation(len(rooms))[:2]
+            pairs.append((rooms[int(first)], rooms[int(second)]))
+        for first_room, second_room in pairs:
+            wide = 3 if rng.random() < style.wide else 2
+            _carve(blocks, first_room.centre, second_room.centre, wide, bool(rng.integers(2)))
+        free = np.ascontiguousarray(blocks[::-1].repeat(BLOCK, axis=0).repeat(BLOCK, axis=1))
+        start, target = self._ends(rng, style, rooms)
+        return Plan(free=free, start=start, target=target)
+
+    def _count(self, rng: np.random.Generator, style: _Style) -> int:
+        # A quarter of the area holds half of the rooms: with a quarter of them it would be one corridor.
+        area = self.width * self.height / (640 * 480)
+        scale = max(area, area**0.5)
+        most = max(2, self.max_rooms or self.min_rooms or round(style.rooms[1] * scale))
+        fewest = max(2, self.min_rooms or min(most, round(style.rooms[0] * scale)))
+        return int(rng.integers(fewest, most + 1))
+
+    def _place(self, rng: np.random.Generator, style: _Style, count: int) -> list[_Room]:
+        rooms: list[_Room] = []
+        across = self.width // BLOCK - 2 * style.margin - 1
+        down = self.height // BLOCK - 2 * style.margin - 1
+        for _ in range(_ATTEMPTS * count):
+            width, height = (style.sides[int(side)] for side in rng.integers(len(style.sides), size=2))
+            left = style.margin + style.grid * int(rng.integers((across - width) // style.grid + 1))
+            top = style.margin + style.grid * int(rng.integers((down - height) // style.grid + 1))
+            room = _Room(left, top, width, height)
+            if not any(room.overlaps(other, style.overlap) for other in rooms):
+                rooms.append(room)
+            if len(rooms) == count:
+                break
+        return rooms
+
+    def _ends(
+        self, rng: np.random.Generator, style: _Style, rooms: list[_Room]
+    ) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Choose start and target: random blocks of two rooms, or their middles in the navigation style."""
+        first, last = 0, len(rooms) - 1
+        if rng.random() < style.far:
+            first, last = max(
+                ((a, b) for a in range(len(rooms)) for b in range(a)),
+                key=lambda pair: _steps(rooms[pair[0]].centre, rooms[pair[1]].centre),
+            )
+        start, target = rooms[first], rooms[last]
+        if self.style == "navigation":
+            return self._middle(start), self._middle(target)
+        spot = self._block(rng, start)
+        goal = self._block(rng, target)
+        while goal == spot:  # the rooms may overlap
+            goal = self._block(rng, target)
+        return spot, goal
+
+    def _middle(self, room: _Room) -> tuple[int, int]:
+        half = BLOCK // 2
+        return half * (2 * room.left + room.width), self.height - half * (2 * room.top + room.height)
+
+    def _block(self, rng: np.random.Generator, room: _Room) -> tuple[int, int]:
+        column = room.left + int(rng.integers(room.width))
+        row = room.top + int(rng.integers(room.height))
+        return column * BLOCK + BLOCK // 2, self.height - row * BLOCK - BLOCK // 2
 
 
-def _carve(
-    rng: np.random.Generator, style: _Style, rows: int, columns: int, count: int
-) -> tuple[NDArray[np.bool_], list[_Room]]:
-    """Return the free blocks and the rooms, at most ``count``, that found a place."""
-    blocks = np.zeros((rows, columns), dtype=np.bool_)
-    rooms: list[_Room] = []
-    for _ in range(20 * count):
-        if len(rooms) == count:
-            break
-        room = _place(rng, style, rows, columns)
-        if any(_overlap(room, other) for other in rooms):
-            continue
-        left, bottom, wide, high = room
-        blocks[bottom : bottom + high, left : left + wide] = True
-        if rooms:
-            _join(blocks, rooms[-1], room, bool(rng.integers(2)))
-        rooms.append(room)
-    return blocks, rooms
+def _steps(a: tuple[int, int], b: tuple[int, int]) -> int:
+    return abs(a[0] - b[0]) + abs(a[1] - b[1])
 
 
-def _place(rng: np.random.Generator, style: _Style, rows: int, columns: int) -> _Room:
-    """Return (left, bottom, width, height) of a room in blocks, at least one corridor's nub inside the margin."""
-    wide = style.sides[int(rng.integers(len(style.sides)))]
-    high = style.sides[int(rng.integers(len(style.sides)))]
-    across = (columns - 2 * style.margin - wide) // style.grid
-    up = (rows - 2 * style.margin - high) // style.grid
-    return (
-        style.margin + style.grid * int(rng.integers(max(across, 0) + 1)),
-        style.margin + style.grid * int(rng.integers(max(up, 0) + 1)),
-        wide,
-        high,
-    )
-
-
-def _overlap(a: _Room, b: _Room) -> bool:
-    return a[0] < b[0] + b[2] and b[0] < a[0] + a[2] and a[1] < b[1] + b[3] and b[1] < a[1] + a[3]
-
-
-def _join(
-    blocks: NDArray[np.bool_],
-    a: _Room,
-    b: _Room,
-    across_first: bool,
-) -> None:
-    """Carve a right-angled corridor, two blocks wide, from the middle of room ``a`` to the middle of room ``b``."""
-    ax, ay = a[0] + a[2] // 2, a[1] + a[3] // 2
-    bx, by = b[0] + b[2] // 2, b[1] + b[3] // 2
-    row, column = (ay, bx) if across_first else (by, ax)
-    blocks[row - 1 : row + 1, min(ax, bx) - 1 : max(ax, bx) + 1] = True
-    blocks[min(ay, by) - 1 : max(ay, by) + 1, column - 1 : column + 1] = True
-
-
-def _spot(rng: np.random.Generator, room: _Room) -> tuple[int, int]:
-    """Return the centre of a random block of a room, pixels."""
-    column = room[0] + int(rng.integers(room[2]))
-    row = room[1] + int(rng.integers(room[3]))
-    return column * BLOCK + BLOCK // 2, row * BLOCK + BLOCK // 2
+def _carve(blocks: NDArray[np.bool_], a: tuple[int, int], b: tuple[int, int], wide: int, across_first: bool) -> None:
+    """Carve a right-angled corridor between two centres; its corner sticks out by one block, as in public maps."""
+    row, column = (a[0], b[1]) if across_first else (b[0], a[1])
+    blocks[row - 1 : row - 1 + wide, min(a[1], b[1]) - 1 : max(a[1], b[1]) - 1 + wide] = True
+    blocks[min(a[0], b[0]) - 1 : max(a[0], b[0]) - 1 + wide, column - 1 : column - 1 + wide] = True
