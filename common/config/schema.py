@@ -309,6 +309,9 @@ class BusConfig(Section):
     """This process's certificate (PEM)."""
     tls_key: str | None = None
     """This process's private key (PEM)."""
+    tls_access: str | None = None
+    """The learner's access rules (JSON): who may read and write which key, by certificate. The command
+    `hd-learner certificates` writes them; without them every certificate of the authority may do everything."""
 
     @model_validator(mode="after")
     def _tls_is_complete(self) -> BusConfig:

@@ -6,7 +6,7 @@ import dataclasses
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, overload
 
 from common.errors import MessageError
 from common.messages.codec import pack, unpack
@@ -18,6 +18,7 @@ from common.messages.stats import ActorStats, LearnerStats
 from common.messages.weights import FLOATS, Weights, WeightsNotice
 
 T = TypeVar("T")
+U = TypeVar("U")
 
 MAX_SMALL = 1 << 20
 MAX_DELIVERY = 1 << 26
@@ -52,7 +53,11 @@ def encode(message: object) -> bytes:
     return pack({"v": PROTOCOL_VERSION, "kind": kind.name, **kind.write(message)})
 
 
-def decode(data: bytes, *expected: type[T]) -> T:
+@overload
+def decode(data: bytes, expected: type[T], /) -> T: ...
+@overload
+def decode(data: bytes, expected: type[T], other: type[U], /) -> T | U: ...
+def decode(data: bytes, *expected: type[Any]) -> Any:
     """Read and check a message that may come from anywhere.
 
     Args:

@@ -1,0 +1,107 @@
+"""The key space: one run is one prefix, and every name in it is checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from common.errors import BusError
+from common.ids import check_id
+from common.messages.replies import VERBS
+
+Role = Literal["learner", "actor", "robot", "evaluator"]
+ROLES: tuple[Role, ...] = get_args(Role)
+
+ALL_SPECS = "hd/*/spec"
+"""Selects the specifications of all runs on the bus."""
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """The keys of one run.
+
+    Attributes:
+        run: name of the run.
+    """
+
+    run: str
+
+    def __post_init__(self) -> None:
+        _checked(self.run, "the name of a run")
+
+    @property
+    def spec(self) -> str:
+        """The run's specification; the learner answers."""
+        return f"hd/{self.run}/spec"
+
+    def experience(self, actor: str) -> str:
+        """Where one actor delivers; the learner answers."""
+        return f"hd/{self.run}/experience/{_checked(actor, 'the name of an actor')}"
+
+    @property
+    def all_experience(self) -> str:
+        """Deliveries of all actors."""
+        return f"hd/{self.run}/experience/*"
+
+    @property
+    def weights_notice(self) -> str:
+        """Announcements of policy versions."""
+        return f"hd/{self.run}/weights/notice"
+
+    @property
+    def weights(self) -> str:
+        """The newest policy version; the learner answers."""
+        return f"hd/{self.run}/weights/latest"
+
+    def live(self, role: Role, name: str) -> str:
+        """Presence of one process."""
+        return f"hd/{self.run}/live/{_role(role)}/{_checked(name, f'the name of a process ({role})')}"
+
+    @property
+    def all_live(self) -> str:
+        """Presence of all processes."""
+        return f"hd/{self.run}/live/*/*"
+
+    def stats(self, role: Role, name: str) -> str:
+        """Statistics of one process."""
+        return f"hd/{self.run}/stats/{_role(role)}/{_checked(name, f'the name of a process ({role})')}"
+
+    @property
+    def all_stats(self) -> str:
+        """Statistics of all processes."""
+        return f"hd/{self.run}/stats/*/*"
+
+    def control(self, verb: str) -> str:
+        """Commands to the learner."""
+        if verb not in VERBS:
+            raise BusError(f"a command must be one of {', '.join(VERBS)}, got {verb!r}")
+        return f"hd/{self.run}/control/{verb}"
+
+    @property
+    def all_control(self) -> str:
+        """Commands of all kinds."""
+        return f"hd/{self.run}/control/*"
+
+
+def last_part(key: str) -> str:
+    """Return the last part of a key: the actor of a delivery, the verb of a command."""
+    return key.rsplit("/", 1)[-1]
+
+
+def process_of(key: str) -> tuple[str, str]:
+    """Return (role, name) of a key of presence or statistics."""
+    _, role, name = key.rsplit("/", 2)
+    return role, name
+
+
+def _checked(value: str, what: str) -> str:
+    try:
+        return check_id(value, what)
+    except ValueError as error:
+        raise BusError(str(error)) from None
+
+
+def _role(role: str) -> str:
+    if role not in ROLES:
+        raise BusError(f"a role must be one of {', '.join(ROLES)}, got {role!r}")
+    return role

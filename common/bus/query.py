@@ -1,0 +1,161 @@
+"""Questions and answers: the two halves of every request on the bus, neither of which blocks a Zenoh thread."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from queue import Empty, SimpleQueue
+from types import TracebackType
+from typing import Self
+
+import zenoh
+
+log = logging.getLogger(__name__)
+
+RETRY_SECONDS = 0.2
+"""Pause before a question is asked again that nobody answered."""
+
+
+class QueryServer:
+    """Answers the queries of one key in threads of its own.
+
+    Zenoh's receiving threads only put queries into a queue. A query is finished, answered or not, when `answer`
+    returns; an exception in it is logged and leaves the query unanswered, so that the asker tries again.
+
+    Usage::
+
+        with QueryServer(session, "hd/run/spec", lambda query: query.reply(query.key_expr, b"...")):
+            ...
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        key: str,
+        answer: Callable[[zenoh.Query], None],
+        *,
+        threads: int = 1,
+        max_waiting: int = 4096,
+        max_bytes: int = 1 << 28,
+    ) -> None:
+        self._key = key
+        self._answer = answer
+        self._waiting: SimpleQueue[tuple[zenoh.Query, int] | None] = SimpleQueue()
+        self._max_waiting = max_waiting
+        self._max_bytes = max_bytes
+        self._bytes = 0
+        self._lock = threading.Lock()
+        self._closed = False
+        self.turned_away = 0
+        """Queries dropped unanswered because too many, or too many bytes, were waiting."""
+        self._threads = [
+            threading.Thread(target=self._work, name=f"answer {key} {i}", daemon=True) for i in range(threads)
+        ]
+        for thread in self._threads:
+            thread.start()
+        self._queryable = session.declare_queryable(
+            key, zenoh.handlers.Callback(self._arrived, indirect=False), complete=True
+        )
+
+    def _arrived(self, query: zenoh.Query) -> None:
+        size = 0 if query.payload is None else len(query.payload)
+        with self._lock:
+            accepted = (
+                not self._closed and self._waiting.qsize() < self._max_waiting and self._bytes + size <= self._max_bytes
+            )
+            if accepted:
+                self._bytes += size
+                self._waiting.put((query, size))
+        if not accepted:
+            self.turned_away += 1
+            query.drop()
+
+    def _work(self) -> None:
+        while (item := self._waiting.get()) is not None:
+            query, size = item
+            try:
+                with query:
+                    if not self._closed:
+                        self._answer(query)
+            except Exception:
+                log.exception("a query on %s could not be answered", query.key_expr)
+            finally:
+                with self._lock:
+                    self._bytes -= size
+            # Without this the last query stays alive, and unanswered in its asker's eyes, until the next one.
+            del item, query
+
+    def close(self) -> None:
+        """Stop answering; queries that wait end unanswered. Safe to call twice."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+        self._queryable.undeclare()
+        for _ in self._threads:
+            self._waiting.put(None)
+        for thread in self._threads:
+            thread.join()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def ask(
+    session: zenoh.Session,
+    selector: str,
+    timeout: float,
+    payload: bytes | None = None,
+    *,
+    everybody: bool = False,
+) -> list[zenoh.Reply]:
+    """Ask once and return all replies, none when nobody is there.
+
+    Args:
+        session: an open session.
+        selector: key, and parameters behind a question mark.
+        timeout: seconds.
+        payload: what goes with the question.
+        everybody: ask all who can answer, not just the best one.
+    """
+    replies: SimpleQueue[zenoh.Reply | None] = SimpleQueue()
+    session.get(
+        selector,
+        zenoh.handlers.Callback(replies.put, lambda: replies.put(None), indirect=False),
+        target=zenoh.QueryTarget.ALL if everybody else zenoh.QueryTarget.BEST_MATCHING,
+        consolidation=zenoh.ConsolidationMode.NONE,
+        timeout=timeout,
+        payload=payload,
+    )
+    result: list[zenoh.Reply] = []
+    deadline = time.monotonic() + timeout + 1.0
+    while True:
+        try:
+            reply = replies.get(timeout=max(0.0, deadline - time.monotonic()))
+        except Empty:
+            return result
+        if reply is None:
+            return result
+        result.append(reply)
+
+
+def ask_until_answered(
+    session: zenoh.Session, selector: str, timeout: float, payload: bytes | None = None, *, everybody: bool = False
+) -> list[zenoh.Reply]:
+    """Ask again and again until somebody answers or the time is up; only for questions that may be repeated."""
+    deadline = time.monotonic() + timeout
+    while True:
+        left = deadline - time.monotonic()
+        if left <= 0:
+            return []
+        replies = ask(session, selector, left, payload, everybody=everybody)
+        if replies:
+            return replies
+        time.sleep(max(0.0, min(RETRY_SECONDS, deadline - time.monotonic())))

@@ -1,0 +1,183 @@
+"""Joining the bus: the learner embeds a router, everybody else is a peer that never gives up."""
+
+from __future__ import annotations
+
+import ipaddress
+import json
+import logging
+import secrets
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from common.config.schema import BusConfig
+from common.errors import BusError
+from common.messages.schema import MAX_WEIGHTS
+
+log = logging.getLogger(__name__)
+
+PROTOCOLS = ("tcp", "tls", "unixsock-stream")
+
+
+def new_incarnation() -> int:
+    """Return a random number that tells this process from its predecessors of the same name."""
+    return secrets.randbits(63)
+
+
+def open_learner_session(config: BusConfig) -> zenoh.Session:
+    """Open the learner's session: a router that listens, and joins existing routers if told to.
+
+    Usage::
+
+        with open_learner_session(config.bus) as session:
+            ...
+
+    Args:
+        config: endpoints, lease, TLS files and access rules.
+
+    Raises:
+        BusError: when an endpoint is malformed or taken, or a file is missing.
+    """
+    listen = _endpoint(config.listen, config)
+    settings = _settings(config, "router", [listen], config.connect)
+    if config.tls_access is not None:
+        settings["access_control"] = _access_rules(config)
+    try:
+        session = zenoh.open(_zenoh_config(settings))
+    except zenoh.ZError as error:
+        raise BusError(_why_not_listening(listen, str(error))) from None
+    if not is_loopback(listen) and config.tls_ca is None:
+        log.warning(
+            "listening on %s without TLS: everybody who reaches this address can send experience and commands; "
+            "make certificates with 'hd-learner certificates', or listen on 127.0.0.1",
+            listen,
+        )
+    return session
+
+
+def open_client_session(config: BusConfig, connect: Iterable[str] | None = None) -> zenoh.Session:
+    """Open the session of an actor, a robot or a command: it listens nowhere and never stops trying to connect.
+
+    Returns after about half a second whether or not the learner is there; tokens, subscriptions and queries
+    work as soon as it is.
+
+    Args:
+        config: lease and TLS files.
+        connect: endpoints of the learner or of routers; the learner's own `listen` and `connect` when not given.
+
+    Raises:
+        BusError: when an endpoint is malformed or a file is missing.
+    """
+    endpoints = [config.listen, *config.connect] if connect is None else list(connect)
+    if not endpoints:
+        raise BusError("an endpoint to connect to is needed, such as tcp/127.0.0.1:7447")
+    settings = _settings(config, "peer", [], endpoints)
+    try:
+        return zenoh.open(_zenoh_config(settings))
+    except zenoh.ZError as error:
+        raise BusError(f"cannot open a session to {', '.join(endpoints)}: {error}") from None
+
+
+def is_loopback(endpoint: str) -> bool:
+    """Whether an endpoint can be reached from this machine alone."""
+    protocol, address = endpoint.split("/", 1)
+    if protocol == "unixsock-stream":
+        return True
+    host = address.rsplit(":", 1)[0].strip("[]")
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _endpoint(text: str, config: BusConfig) -> str:
+    """Return a checked endpoint; with TLS files, tcp becomes tls."""
+    protocol, slash, address = text.partition("/")
+    host, colon, port = address.rpartition(":")
+    is_socket = protocol == "unixsock-stream" and bool(address)
+    is_port = bool(colon and host) and port.isascii() and port.isdigit() and int(port) < 65536
+    if not slash or protocol not in PROTOCOLS or not (is_socket or (protocol != "unixsock-stream" and is_port)):
+        raise BusError(
+            f"an endpoint must be tcp/HOST:PORT, tls/HOST:PORT or unixsock-stream/PATH, such as "
+            f"tcp/192.168.1.5:7447, got {text!r}"
+        )
+    if config.tls_ca is not None and protocol == "tcp":
+        return f"tls/{address}"
+    if config.tls_ca is None and protocol == "tls":
+        raise BusError(
+            f"{text} needs certificates: set tls_ca, tls_certificate and tls_key "
+            "('hd-learner certificates' makes the files)"
+        )
+    return text
+
+
+def _settings(config: BusConfig, mode: str, listen: list[str], connect: Iterable[str]) -> dict[str, Any]:
+    """Return Zenoh's settings; the measurements behind each are in docs/bus.md."""
+    link: dict[str, Any] = {
+        "tx": {"lease": int(config.lease * 1000)},
+        "rx": {"max_message_size": MAX_WEIGHTS + (1 << 20)},
+    }
+    if config.tls_ca is not None:
+        # With certificates nothing may enter beside TLS.
+        link["protocols"] = ["tls"]
+        link["tls"] = _tls(config)
+    return {
+        "mode": mode,
+        "listen": {"endpoints": listen},
+        "connect": {
+            "endpoints": [_endpoint(text, config) for text in connect],
+            "timeout_ms": -1,
+            "exit_on_failure": False,
+            "retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
+        },
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport": {"link": link, "shared_memory": {"enabled": config.shared_memory}},
+    }
+
+
+def _tls(config: BusConfig) -> dict[str, Any]:
+    files = {"tls_ca": config.tls_ca, "tls_certificate": config.tls_certificate, "tls_key": config.tls_key}
+    for name, path in files.items():
+        if path is None or not Path(path).is_file():
+            raise BusError(f"{name}: no file {path!r}; make it with 'hd-learner certificates' or correct the path")
+    # A router both listens and connects; a peer's listening half is never used.
+    return {
+        "root_ca_certificate": config.tls_ca,
+        "enable_mtls": True,
+        "close_link_on_expiration": True,
+        "listen_certificate": config.tls_certificate,
+        "listen_private_key": config.tls_key,
+        "connect_certificate": config.tls_certificate,
+        "connect_private_key": config.tls_key,
+    }
+
+
+def _access_rules(config: BusConfig) -> dict[str, Any]:
+    if config.tls_ca is None:
+        raise BusError("tls_access needs tls_ca, tls_certificate and tls_key: without TLS nobody has a name to check")
+    try:
+        rules = json.loads(Path(str(config.tls_access)).read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise BusError(f"tls_access: cannot read {config.tls_access!r} as JSON: {error}") from None
+    if not isinstance(rules, dict):
+        raise BusError(f"tls_access: {config.tls_access!r} must hold a JSON object of access rules")
+    return rules
+
+
+def _zenoh_config(settings: dict[str, Any]) -> zenoh.Config:
+    try:
+        return zenoh.Config.from_json5(json.dumps(settings))
+    except zenoh.ZError as error:
+        raise BusError(f"the bus settings are not valid: {error}") from None
+
+
+def _why_not_listening(endpoint: str, error: str) -> str:
+    if "in use" in error:
+        return f"{endpoint} is in use by another process: stop it, or choose another port (--listen tcp/127.0.0.1:7448)"
+    if "assign requested address" in error:
+        return f"this machine has no address {endpoint}: listen on one of its own, such as tcp/127.0.0.1:7447"
+    return f"cannot listen on {endpoint}: {error}"
