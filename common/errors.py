@@ -40,3 +40,7 @@ class SimulatorError(HDError):
 
 class MappingError(HDError):
     """A scan, a pose or the state of the belief does not allow what was asked of it."""
+
+
+class WeightsError(HDError):
+    """The weights of a policy do not fit its network."""
