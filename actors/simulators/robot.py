@@ -59,6 +59,7 @@ class Robot:
         # The base frame of PyBullet is the centre of mass, which lies straight above the origin of the URDF.
         dynamics = pybullet.getDynamicsInfo(self.body, -1, physicsClientId=self._client)
         self._centre_height = float(dynamics[3][2])
+        self._lidar_above_centre = float(joints["lidar"][14][2])
         for link in (-1, self._left, self._right, self.lidar):
             if not collides:
                 pybullet.setCollisionFilterGroupMask(self.body, link, 0, 0, physicsClientId=self._client)
@@ -81,19 +82,21 @@ class Robot:
         return self.state()[0]
 
     def state(self) -> tuple[Pose, float, float]:
-        """Return the pose, the height of the origin above the floor (metres) and the tilt (radians)."""
+        """Return the pose, the height of the robot above the floor (metres) and its tilt (radians).
+
+        The pose is that of the point of the floor below the lidar.
+        """
         (x, y, z), (qx, qy, qz, qw) = pybullet.getBasePositionAndOrientation(
             self.body, physicsClientId=self._client
         )
         yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
         upright = 1.0 - 2.0 * (qx * qx + qy * qy)
         tilt = math.acos(max(-1.0, min(1.0, upright)))
-        height = z - self._centre_height
-        if tilt < 0.5:
-            # The centre of mass swings out when the body tilts; the lidar does too, but the pose is of the origin.
-            x -= self._centre_height * 2.0 * (qx * qz + qw * qy)
-            y -= self._centre_height * 2.0 * (qy * qz - qw * qx)
-        return Pose(x, y, yaw), height, tilt
+        # The lidar swings out when the body tilts; localisation by lidar follows it, and so does the pose.
+        lean_x, lean_y = 2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx)
+        x += self._lidar_above_centre * lean_x
+        y += self._lidar_above_centre * lean_y
+        return Pose(x, y, yaw), z - self._centre_height, tilt
 
     def place(self, pose: Pose) -> None:
         """Put the robot at a pose, at rest."""
