@@ -1,0 +1,157 @@
+"""What planners on the viewpoint graph share: candidates, the walk along a path, and a clear end."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.config.schema import MappingConfig
+from common.errors import ConfigError
+from common.geometry import Pose
+from common.mapping.mapper import Mapper
+from common.planners.base import Plan, Position, Status, TaskName
+
+# The longest edge of the viewpoint graph, in spacings: the neighbour offset (2, 1).
+LONGEST_EDGE: Final = 5.0**0.5
+# The robot has scanned from a viewpoint once it stood this near to it, in spacings.
+ON_VIEWPOINT: Final = 0.25
+# A decision changes between equally good choices only for more than this, metres.
+TOLERANCE: Final = 1e-6
+# Decisions in a row for one waypoint from one place before its viewpoint counts as inaccessible.
+MAX_ATTEMPTS: Final = 3
+
+
+class ScannedViewpoints:
+    """The viewpoints that are of no use any more: scanned from, or not to be reached.
+
+    A frontier that a viewpoint still observes after a scan from there is one that this scan could not resolve
+    (it was too far, or grazed), and another scan from the same place tells the same. Going there again is how planners
+    circle forever, so such viewpoints are goals no more.
+    """
+
+    def __init__(self, spacing: float) -> None:
+        """Forget everything; `spacing` of the viewpoints in metres tells places apart."""
+        self._spacing = spacing
+        self._done: set[tuple[int, int]] = set()
+        self._asked: tuple[Position, Position] | None = None
+        self._attempts = 0
+
+    def note(self, mapper: Mapper, pose: Pose) -> None:
+        """Remember the robot's viewpoint when the robot stands on it; the mapper was updated at this pose."""
+        viewpoint = mapper.position(mapper.robot)
+        if pose.distance_to(viewpoint) <= ON_VIEWPOINT * self._spacing + TOLERANCE:
+            self._done.add(self._key(*viewpoint))
+
+    def note_attempt(self, pose: Pose, waypoint: Position, goal: Position) -> None:
+        """Count decisions that lead nowhere: after `MAX_ATTEMPTS` the waypoint and the goal are given up."""
+        if self._asked == (pose.position, waypoint):
+            self._attempts += 1
+        else:
+            self._asked, self._attempts = (pose.position, waypoint), 1
+        if self._attempts >= MAX_ATTEMPTS:
+            self._done |= {self._key(*waypoint), self._key(*goal)}
+
+    def mask(self, positions: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which of the positions, metres, shape (n, 2), are done with, bool, shape (n,)."""
+        keys = np.rint(positions * (8.0 / self._spacing)).astype(np.int64).tolist()
+        return np.fromiter(((x, y) in self._done for x, y in keys), dtype=np.bool_, count=len(keys))
+
+    def _key(self, x: float, y: float) -> tuple[int, int]:
+        scale = 8.0 / self._spacing
+        return int(np.rint(x * scale)), int(np.rint(y * scale))
+
+
+class LatticePlanner(ABC):
+    """An exploration planner whose waypoints are viewpoints: it chooses a goal, and one edge towards it is a decision.
+
+    Subclasses give the goal; the rest is the same for all of them.
+    """
+
+    name: str = ""
+    tasks: frozenset[TaskName] = frozenset({"exploration"})
+
+    def __init__(self, config: MappingConfig) -> None:
+        """Set up for the mapping that the planner will be given."""
+        self.config = config
+        self.reset("exploration", None, 0)
+
+    def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
+        """Begin an episode: forget everything; equal seeds give equal episodes.
+
+        Raises:
+            ConfigError: the task is not one that this planner does.
+        """
+        check_task(self.name, self.tasks, task)
+        del target
+        self.scanned = ScannedViewpoints(self.config.viewpoint_spacing)
+        self.random = np.random.default_rng(seed)
+
+    def plan(self, mapper: Mapper, pose: Pose) -> Plan:
+        """Decide; the mapper has taken in the newest scan and was updated at this pose."""
+        if mapper.stuck:
+            return Plan(Status.STUCK, reason="no viewpoint can be reached in a straight free line from the robot")
+        self.scanned.note(mapper, pose)
+        positions = mapper.viewpoints
+        utility = mapper.observe().utility
+        useful = utility > 0
+        candidates = np.flatnonzero(useful & ~self.scanned.mask(positions))
+        if not len(candidates):
+            return Plan(Status.COMPLETE, reason=_nothing_left(int(np.count_nonzero(useful))))
+        stops = self.choose(mapper, pose, candidates, positions)
+        if not stops:
+            return Plan(Status.COMPLETE, reason="no viewpoint that still observes frontiers leads anywhere new")
+        plan = lead_to(mapper, pose, stops, self.config.viewpoint_spacing)
+        if plan.waypoint is not None:
+            self.scanned.note_attempt(pose, plan.waypoint, mapper.position(stops[0]))
+        return plan
+
+    @abstractmethod
+    def choose(
+        self, mapper: Mapper, pose: Pose, candidates: NDArray[np.int64], positions: NDArray[np.float64]
+    ) -> list[int]:
+        """Return the nodes to visit, the next goal first; empty when none is worth going to.
+
+        Args:
+            mapper: updated at the pose.
+            pose: where the robot stands.
+            candidates: nodes that observe frontiers and were not scanned from, at least one.
+            positions: of all viewpoints, metres, shape (n, 2).
+        """
+
+
+def check_task(name: str, tasks: frozenset[TaskName], task: TaskName) -> None:
+    """Raise ConfigError when a planner does not do a task."""
+    if task not in tasks:
+        raise ConfigError(
+            f"planner {name!r} does {' and '.join(sorted(tasks))}, not {task}: choose another planner or task"
+        )
+
+
+def lead_to(mapper: Mapper, pose: Pose, stops: list[int], spacing: float) -> Plan:
+    """Return the plan that goes one edge towards the first stop.
+
+    A robot beside its viewpoint cuts the corner where the second viewpoint of the path is in sight and near enough,
+    and drives onto its own viewpoint otherwise.
+    """
+    route = [mapper.robot]
+    for stop in stops:
+        route += mapper.path(route[-1], stop)[1:]
+    places = [mapper.position(node) for node in route]
+    if pose.distance_to(places[0]) <= TOLERANCE or (
+        len(places) > 1
+        and pose.distance_to(places[1]) <= LONGEST_EDGE * spacing + TOLERANCE
+        and mapper.segment_free(pose.position, places[1])
+    ):
+        del places[0]
+    if not places:
+        return Plan(Status.COMPLETE, reason="the robot stands on the only viewpoint that is left to visit")
+    return Plan(Status.GOING, waypoint=places[0], beacon=mapper.position(stops[0]), path=places[1:])
+
+
+def _nothing_left(useful: int) -> str:
+    if not useful:
+        return "no reachable viewpoint observes a frontier"
+    return f"the {useful} viewpoints that still observe frontiers were all scanned from: nothing more can be seen there"
