@@ -13,8 +13,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from common.network.attention_kernels import balanced_bounds, cross_kernels, edge_kernels, run_parallel
+from common.network.cross_kernels import cross_kernels
+from common.network.edge_kernels import edge_kernels
 from common.network.graph_batch import GraphBatch
+from common.network.parallel import balanced_bounds, run_parallel
 
 
 class EdgeAttention(nn.Module):

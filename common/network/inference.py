@@ -13,7 +13,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from common.config.schema import NetworkConfig
-from common.network.attention_kernels import cross_kernels, edge_kernels
+from common.network.cross_kernels import cross_kernels
+from common.network.edge_kernels import edge_kernels
 from common.network.graph_arrays import SLOTS, GraphArrays
 from common.network.parameters import Arrays
 
