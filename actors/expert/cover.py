@@ -39,10 +39,10 @@ def _gain(
     missing: NDArray[np.uint64],
     v: int,
 ) -> int:
-    total = np.uint64(0)
+    total = 0
     for k in range(pointer[v], pointer[v + 1]):
         total += popcount(mask[k] & missing[tile[k]])
-    return np.int64(total)
+    return total
 
 
 @njit(cache=True, nogil=True)
@@ -61,6 +61,9 @@ def greedy_cover(
     Gains only shrink as cells are covered, so a stale gain is an upper bound and only the leader is counted again.
 
     Args:
+        pointer: sparse visibility rows, see `Visibility`.
+        tile: likewise.
+        mask: likewise.
         missing: overwritten: ends as what is still uncovered.
         gains: missing cells that each viewpoint sees now; overwritten.
         weights: factor on each gain, 1 for the plain rule.
@@ -103,13 +106,13 @@ def _unique(
     need: NDArray[np.uint64],
 ) -> int:
     """Write the missing cells that v alone of the tour sees into ``need`` (dense); return their number."""
-    total = np.uint64(0)
+    total = 0
     for k in range(pointer[v], pointer[v + 1]):
         t = tile[k]
         word = mask[k] & missing[t] & once[t] & ~twice[t]
         need[t] = word
         total += popcount(word)
-    return np.int64(total)
+    return total
 
 
 @njit(cache=True, nogil=True)
@@ -152,11 +155,11 @@ def _recount_kept(
 
 @njit(cache=True, nogil=True)
 def _uncovered(missing: NDArray[np.uint64], once: NDArray[np.uint64]) -> int:
-    total = np.uint64(0)
+    total = 0
     for t in range(len(missing)):
         if missing[t]:
             total += popcount(missing[t] & ~once[t])
-    return np.int64(total)
+    return total
 
 
 @njit(cache=True, nogil=True)
@@ -212,10 +215,10 @@ def improve_cover(
                         length += distances[v, after]
                         if length >= best:
                             continue
-                    seen = np.uint64(0)
+                    seen = 0
                     for k in range(pointer[v], pointer[v + 1]):
                         seen += popcount(need[tile[k]] & mask[k])
-                    lost = alone - np.int64(seen)
+                    lost = alone - seen
                     if lost <= max(slack, 0):
                         best = length
                         found = v
@@ -263,17 +266,15 @@ def plan_cover(
     for s in range(len(kept)):
         for k in range(pointer[kept[s]], pointer[kept[s] + 1]):
             rest[tile[k]] &= ~mask[k]
-    total = np.uint64(0)
+    total = 0
     for t in range(len(rest)):
         total += popcount(rest[t])
-    chosen = greedy_cover(pointer, tile, mask, rest, gains, weights, np.int64(total), tolerance)
+    chosen = greedy_cover(pointer, tile, mask, rest, gains, weights, total, tolerance)
     stops = np.empty(len(kept) + len(chosen), dtype=np.int64)
     stops[: len(kept)] = kept
     for k in range(len(chosen)):
         insert_cheapest(distances, start, stops, len(kept) + k, chosen[k])
-    return improve_cover(
-        pointer, tile, mask, missing, allowed, distances, start, stops, tolerance, rounds
-    )
+    return improve_cover(pointer, tile, mask, missing, allowed, distances, start, stops, tolerance, rounds)
 
 
 @njit(cache=True, nogil=True)
@@ -295,7 +296,15 @@ def price_choices(
     Stops whose own cells the choice itself sees are left out; the others keep their order as a beginning.
 
     Args:
+        pointer: sparse visibility rows, see `Visibility`.
+        tile: likewise.
+        mask: likewise.
+        missing: tile words of the missing cells.
+        allowed: viewpoints that can show something new, shape (n,).
+        distances: metres between all viewpoints, shape (n, n).
+        stops: the covering tour from the robot, in order.
         choices: viewpoint number of each choice, -1 for one that the true map does not have.
+        tolerance: cells that may stay unseen.
         orders: shape (choices, stops); the order of stops from each choice is written here.
         sizes: shape (choices,); the number of stops from each choice is written here.
 
@@ -341,10 +350,9 @@ def price_choices(
         spare = slack
         drops = 0
         for s in range(n):
-            unseen = np.uint64(0)
+            lost = 0
             for k in range(begin[s], begin[s + 1]):
-                unseen += popcount(need_mask[k] & ~seen[need_tile[k]])
-            lost = np.int64(unseen)
+                lost += popcount(need_mask[k] & ~seen[need_tile[k]])
             dropped[s] = stops[s] == v or (lost <= spare and lost < alone[s]) or alone[s] == 0
             if dropped[s]:
                 spare -= lost

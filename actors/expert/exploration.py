@@ -71,7 +71,7 @@ class ExplorationExpert:
         robot = int(true_nodes[observation.robot])
         if robot < 0 or len(coverage.unseen_cells) <= self._tolerance:
             return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0)
-        stops, gains, allowed = self._tour(observation, true_nodes, robot, coverage)
+        stops, allowed = self._tour(observation, true_nodes, robot, coverage)
         orders = np.zeros((len(choices), len(stops)), dtype=np.int64)
         sizes = np.zeros(len(choices), dtype=np.int64)
         sight = self._sight
@@ -93,8 +93,8 @@ class ExplorationExpert:
 
     def _tour(
         self, observation: Observation, true_nodes: NDArray[np.int64], robot: int, coverage: Coverage
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-        """Return a short covering tour from the robot, the gain of every viewpoint, and which may be visited."""
+    ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Return a short covering tour from the robot, and which viewpoints can show something new."""
         sight, distances = self._sight, self._distances
         world = self._world
         assert world is not None
@@ -120,11 +120,9 @@ class ExplorationExpert:
         elif not self._routes:
             # The first state of a map: worth a few more tries, from an own source of chance so that it repeats.
             rng = np.random.default_rng(len(gains))
-            candidates += [
-                plan(NO_STOPS, np.exp(rng.normal(0.0, 0.4, len(gains)))) for _ in range(self._starts - 1)
-            ]
+            candidates += [plan(NO_STOPS, np.exp(rng.normal(0.0, 0.4, len(gains)))) for _ in range(self._starts - 1)]
         lengths = [tour_length(distances, robot, stops) for stops in candidates]
-        return candidates[int(np.argmin(lengths))], gains, allowed
+        return candidates[int(np.argmin(lengths))], allowed
 
     def _first_beacon(
         self,

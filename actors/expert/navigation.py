@@ -62,9 +62,7 @@ class NavigationExpert:
         cost = np.minimum(total - remaining, UNREACHABLE).astype(np.float32)
         return Judgement(cost, self._first_beacon(observation, true_nodes, to_target), remaining)
 
-    def _links(
-        self, world: GridMap, target: tuple[float, float]
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def _links(self, world: GridMap, target: tuple[float, float]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return the true viewpoints that see the target, nearest first, and their distances in metres."""
         x = (target[0] - world.origin[0]) / world.resolution
         y = (target[1] - world.origin[1]) / world.resolution

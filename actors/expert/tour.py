@@ -21,9 +21,7 @@ def tour_length(distances: NDArray[np.float32], start: int, stops: NDArray[np.in
 
 
 @njit(cache=True, nogil=True)
-def insert_cheapest(
-    distances: NDArray[np.float32], start: int, stops: NDArray[np.int64], size: int, new: int
-) -> None:
+def insert_cheapest(distances: NDArray[np.float32], start: int, stops: NDArray[np.int64], size: int, new: int) -> None:
     """Insert ``new`` where it lengthens the tour of the first ``size`` stops least; there must be room for it."""
     best = np.inf
     where = size

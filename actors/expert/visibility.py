@@ -15,16 +15,18 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 
-@intrinsic
-def popcount(typing_context: Any, word: Any) -> Any:
-    """Number of set bits of a 64-bit word: the processor's own instruction."""
-    del typing_context
+def _popcount(typing_context: Any, word: Any) -> Any:
+    del typing_context, word
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         del context, signature
         return builder.ctpop(arguments[0])
 
-    return types.uint64(types.uint64), generate
+    return types.int64(types.uint64), generate
+
+
+# Number of set bits of a 64-bit word, as int64: the processor's own instruction, for use in kernels.
+popcount: Any = intrinsic(_popcount)
 
 
 @njit(cache=True, nogil=True)
@@ -106,9 +108,7 @@ def _look_from_all(
 
 
 @njit(cache=True, nogil=True)
-def fill_words(
-    cells: NDArray[np.int64], columns: int, words: NDArray[np.uint64]
-) -> None:
+def fill_words(cells: NDArray[np.int64], columns: int, words: NDArray[np.uint64]) -> None:
     """Write a set of cells (flat numbers) into tile words, which are cleared first."""
     words[:] = np.uint64(0)
     tile_columns = (columns + 7) >> 3
@@ -135,13 +135,9 @@ class Visibility:
     tiles: int
 
     @classmethod
-    def build(
-        cls, free: NDArray[np.bool_], points: NDArray[np.float64], reach: float, beams: int
-    ) -> Visibility:
+    def build(cls, free: NDArray[np.bool_], points: NDArray[np.float64], reach: float, beams: int) -> Visibility:
         """Look from every point (cell coordinates) with a number of beams, up to ``reach`` cells."""
         angles = np.arange(beams) * (2.0 * np.pi / beams)
         rows, columns = free.shape
-        pointer, tile, mask = _look_from_all(
-            np.ascontiguousarray(free), points, reach, np.cos(angles), np.sin(angles)
-        )
+        pointer, tile, mask = _look_from_all(np.ascontiguousarray(free), points, reach, np.cos(angles), np.sin(angles))
         return cls(pointer, tile, mask, ((rows + 7) >> 3) * ((columns + 7) >> 3))

@@ -1,0 +1,162 @@
+"""Runs episodes for a learner, wherever that is: on the bus (`actors.process`) or in the same process (serial mode)."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from actors.driver import Driver, ExpertDriver, PolicyDriver
+from actors.environment import Environment
+from actors.episode import Role, run_episode
+from actors.expert import make_expert
+from actors.maps.grid_map import GridMap
+from actors.maps.sources import fixed_set, open_sources
+from actors.recorder import Recorder
+from actors.simulators.factory import make_simulator
+from actors.tasks import make_task
+from common.config.schema import RunConfig
+from common.errors import MapError
+from common.messages.experience import Chunk, EpisodeReport
+from common.policy import Policy
+
+log = logging.getLogger(__name__)
+
+# Unusable maps in a row before the source counts as broken.
+MAX_BAD_MAPS = 20
+
+
+class Collector:
+    """One simulator, one policy, and the episodes that a run asks for.
+
+    Usage::
+
+        collector = Collector(config, seed=[config.seed, 0], deliver=sender.send)
+        collector.load(weights.tensors, weights.version, weights.updates)
+        while collector.collect():
+            ...
+        collector.close()
+
+    Args:
+        config: the run's configuration, an actor's own choices already in it.
+        seed: of worlds, sampling and simulator noise; whole numbers.
+        deliver: called with every chunk and with the report of every episode.
+        role: `train`: sampled actions in training worlds, with chunks; `evaluate`: greedy actions in the
+            validation worlds, reports only.
+        gui: open PyBullet's window.
+    """
+
+    def __init__(
+        self,
+        config: RunConfig,
+        seed: list[int],
+        deliver: Callable[[Chunk | EpisodeReport], None],
+        *,
+        role: str = "train",
+        gui: bool = False,
+    ) -> None:
+        self.config = config
+        self.policy = Policy.from_config(config.network)
+        self.steps = 0
+        self.episodes = 0
+        self._deliver = deliver
+        self._rng = np.random.default_rng(seed)
+        self._updates = 0
+        evaluate = role == "evaluate"
+        specs = config.maps.validation if evaluate else config.maps.train
+        self._source = open_sources(specs, config.maps.metres_per_pixel, config.task.name)
+        self.worlds: list[GridMap] = fixed_set(self._source, config.maps.validation_count) if evaluate else []
+        self._simulator = make_simulator(config.simulator, config.mapping.sensor_range, gui)
+        fidelity = f"-{config.simulator.fidelity}" if config.simulator.name == "pybullet" else ""
+        self.simulator_name = config.simulator.name + fidelity
+        self._role = Role(role, self.simulator_name)
+        # Evaluation reports distance and success; it needs no privileged reward.
+        reward = config.reward.model_copy(update={"kind": "paper"}) if evaluate else config.reward
+        privileged = not evaluate and (config.cloning.enabled or reward.kind == "potential")
+        self._environment = Environment(
+            self._simulator,
+            config.mapping,
+            make_task(config.task),
+            reward,
+            config.task.max_steps,
+            make_expert(config.task, config.mapping) if privileged else None,
+        )
+        self._recorder = Recorder(config.actor.chunk_steps, deliver)
+        self._policy_driver = PolicyDriver(self.policy, self._rng, greedy=evaluate)
+        self._expert_driver = ExpertDriver()
+
+    def load(self, tensors: Mapping[str, NDArray[Any]], version: int, updates: int) -> None:
+        """Use a policy version from the next decision on.
+
+        Args:
+            tensors: weights by name.
+            version: policy version.
+            updates: gradient updates behind it; they tell whether the imitation stage is over.
+        """
+        self.policy.load(tensors, version)
+        self._updates = updates
+
+    def collect(self, keep_on: Callable[[], bool] = lambda: True) -> EpisodeReport | None:
+        """Run one training episode in a random world and deliver it.
+
+        Args:
+            keep_on: asked before every decision; False breaks the episode off.
+
+        Returns:
+            The report, or None when the episode was broken off.
+        """
+        cloning = self.config.cloning
+        imitating = self._updates < cloning.updates
+        label = imitating or cloning.anchor_weight > 0.0
+        driver: Driver = self._policy_driver
+        if imitating and self._rng.random() < cloning.expert_episodes:
+            driver = self._expert_driver
+        for _ in range(MAX_BAD_MAPS):
+            try:
+                world = self._source.draw(self._rng)
+                return self._run(world, driver, int(self._rng.integers(2**31)), keep_on, self._recorder, label)
+            except MapError as error:
+                log.warning("skipped a map: %s", error)
+        raise MapError(
+            f"{MAX_BAD_MAPS} maps in a row of {self._source.name} cannot be used; the last reasons are above"
+        )
+
+    def evaluate(self, index: int, keep_on: Callable[[], bool] = lambda: True) -> EpisodeReport | None:
+        """Run validation world number ``index`` greedily and deliver the report; None when broken off."""
+        return self._run(self.worlds[index], self._policy_driver, index, keep_on, None, False)
+
+    def close(self) -> None:
+        """Release the simulator; safe to call twice."""
+        self._simulator.close()
+
+    def _run(
+        self,
+        world: GridMap,
+        driver: Driver,
+        seed: int,
+        keep_on: Callable[[], bool],
+        recorder: Recorder | None,
+        label: bool,
+    ) -> EpisodeReport | None:
+        def counted() -> bool:
+            going = keep_on()
+            self.steps += going
+            return going
+
+        report = run_episode(
+            self._environment,
+            world,
+            driver,
+            self._role,
+            seed=seed,
+            recorder=recorder,
+            label=label,
+            keep_on=counted,
+        )
+        if report is not None:
+            self.episodes += 1
+            self._deliver(report)
+        return report

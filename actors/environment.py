@@ -1,0 +1,308 @@
+"""The environment: one robot in one world at a time, for any task."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from actors.expert import Expert, Judgement
+from actors.maps.grid_map import GridMap
+from actors.rewards import StepOutcome, step_reward
+from actors.simulators.base import Leg, Simulator
+from actors.tasks import Task
+from actors.tasks.coverage import Coverage
+from common.config.schema import MappingConfig, RewardConfig
+from common.errors import ConfigError, HDError, MapError
+from common.mapping.mapper import Mapper
+from common.messages.experience import End
+from common.observation import Observation
+
+# Nearer to its viewpoint than this, metres, the robot counts as standing on it.
+ON_VIEWPOINT = 0.3
+# Decisions in a row that brought the robot nowhere before the episode is given up.
+MAX_BLOCKED = 4
+
+
+@dataclass(frozen=True, slots=True)
+class StepInfo:
+    """What else is to be told about a step.
+
+    Attributes:
+        reason: why the episode ended, one of `complete`, `step limit`, `nothing useful left`, `target unreachable`,
+            `stuck`, `blocked`; empty while it goes on.
+        complete: the task is complete.
+        explored: share of the reachable free area that was seen, 0 to 1.
+        blocked: the robot did not reach the waypoint.
+        collisions: contacts with the world that began on this step.
+    """
+
+    reason: str
+    complete: bool
+    explored: float
+    blocked: bool
+    collisions: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """The result of one decision.
+
+    Attributes:
+        observation: what the robot knows now. After a terminal end it may offer no choices; when the robot is stuck
+            it repeats the last one.
+        reward: reward of the decision.
+        end: whether and how the episode ended.
+        distance: travelled metres of this step.
+        info: what else is to be told.
+    """
+
+    observation: Observation
+    reward: float
+    end: End
+    distance: float
+    info: StepInfo
+
+
+class Environment:
+    """Runs a simulator, the robot's mapping and a task; may use the true map for reward, end and metrics alone.
+
+    Usage::
+
+        observation = environment.reset(world, seed=0)
+        while environment.end is End.NONE:
+            step = environment.step(beacon, waypoint)
+
+    Attributes:
+        world: the world of this episode.
+        mapper: what the robot knows.
+        pose: where the robot stands.
+        end: whether and how the episode ended; it may have ended at the reset.
+        reason: why it ended (see `StepInfo.reason`).
+        positions: (x, y) of the start and of the end of every leg, metres: the route for results files and recounts.
+        distance: travelled metres, the way to the first viewpoint included.
+        steps: decisions taken.
+        collisions: contacts with the world.
+        total_reward: sum of the rewards.
+    """
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        mapping: MappingConfig,
+        task: Task,
+        reward: RewardConfig,
+        max_steps: int,
+        expert: Expert | None = None,
+    ) -> None:
+        """Put the parts together.
+
+        Args:
+            simulator: the world and the robot; the caller closes it.
+            mapping: what the robot makes of its scans.
+            task: when an episode is complete.
+            reward: the potential kind needs an ``expert``.
+            max_steps: decisions before the episode is truncated.
+            expert: privileged expert for labels and for the potential reward.
+
+        Raises:
+            ConfigError: the potential reward without an expert.
+        """
+        if reward.kind == "potential" and expert is None:
+            raise ConfigError("reward.kind = 'potential' needs the privileged expert: pass one, or use kind 'paper'")
+        self.task = task
+        self._simulator = simulator
+        self._mapping = mapping
+        self._reward = reward
+        self._max_steps = max_steps
+        self._expert = expert
+        self.end = End.TRUNCATED
+
+    def reset(self, world: GridMap, seed: int) -> Observation:
+        """Begin an episode and return what the robot knows at its first viewpoint.
+
+        A robot that starts beside the lattice first drives to its viewpoint: this counts in the distance, but it is
+        no decision.
+
+        Raises:
+            MapError: the world does not suit the task, or no viewpoint can be reached from the start.
+        """
+        self.task.reset(world)
+        self.world = world
+        self.coverage = Coverage(world)
+        self.steps = self.collisions = 0
+        self.distance = self.total_reward = 0.0
+        self._blocked_in_row = 0
+        self._judgement: Judgement | None = None
+        self._expert_knows = False
+        self.end, self.reason = End.NONE, ""
+        self.pose = self._simulator.reset(world, seed)
+        self.positions = [self.pose.position]
+        width, height = world.size
+        self.mapper = Mapper(
+            self._mapping,
+            lattice_origin=world.lattice_origin,
+            bounds=(*world.origin, world.origin[0] + width, world.origin[1] + height),
+            target=self.task.target,
+        )
+        self._sense()
+        if self.mapper.stuck:
+            raise MapError(
+                f"map {world.name!r}: no viewpoint can be reached from the start {world.start}: "
+                "move the start, or choose a finer mapping.viewpoint_spacing"
+            )
+        observation = self.mapper.observe()
+        # A robot that already has its target in reach needs no viewpoint first.
+        if not self.task.complete(self.coverage, self.pose):
+            observation = self._go_to_viewpoint(observation)
+        self._observation = observation
+        self._frontier = self._frontier_cells()
+        self._settle()
+        return self._observation
+
+    def step(self, beacon: int, waypoint: int) -> Step:
+        """Drive to a waypoint on behalf of a beacon, sense, and judge the result.
+
+        Args:
+            beacon: node number of the chosen beacon; part of the action, although only the waypoint is driven to.
+            waypoint: node number of a neighbour of the robot's viewpoint, or of a target in sight.
+
+        Raises:
+            HDError: the episode has ended, or a node number is no valid choice.
+        """
+        self._check_choice(beacon, waypoint)
+        before = self.remaining() if self._reward.kind == "potential" else None
+        frontier = self._frontier
+        to_target = self.task.progress(self.pose)
+        travelled, collided = self.distance, self.collisions
+
+        blocked = not self._drive(self.mapper.position(waypoint))
+        self._sense()
+        if blocked and not self.mapper.stuck:
+            self._go_to_viewpoint(self.mapper.observe())
+        self._blocked_in_row = self._blocked_in_row + 1 if blocked else 0
+        self.steps += 1
+        self._judgement = None
+        if not self.mapper.stuck:
+            self._observation = self.mapper.observe()
+        self._settle()
+        self._frontier = self._frontier_cells()
+
+        outcome = StepOutcome(
+            distance=self.distance - travelled,
+            frontier_removed=float(len(np.setdiff1d(frontier, self._frontier, assume_unique=True)))
+            * self._mapping.resolution,
+            progress=to_target - self.task.progress(self.pose),
+            complete=self.reason == "complete",
+            remaining_before=before,
+            remaining_after=None if before is None else self._remaining_after(before),
+        )
+        reward = step_reward(self._reward, outcome)
+        self.total_reward += reward
+        info = StepInfo(self.reason, outcome.complete, self.coverage.explored, blocked, self.collisions - collided)
+        return Step(self._observation, reward, self.end, outcome.distance, info)
+
+    @property
+    def success(self) -> bool:
+        """The task is complete."""
+        return self.reason == "complete"
+
+    def judgement(self) -> Judgement:
+        """Return the privileged expert's view of the present decision, worked out at most once.
+
+        Raises:
+            ConfigError: the environment has no expert.
+        """
+        if self._expert is None:
+            raise ConfigError("this environment has no privileged expert: pass one when it is made")
+        if not self._expert_knows:
+            # Preparing takes as long as dozens of decisions, so it waits until somebody asks.
+            self._expert.reset(self.world)
+            self._expert_knows = True
+        if self._judgement is None:
+            node = self.mapper.position(self._observation.robot)
+            self._judgement = self._expert.judge(self._observation, self.pose, node, self.coverage)
+        return self._judgement
+
+    def remaining(self) -> float:
+        """Return T(s): metres that the expert's route still takes, 0 when the task is complete."""
+        return 0.0 if self.success else self.judgement().remaining
+
+    def _remaining_after(self, before: float) -> float:
+        """Return T(s'). A failure leaves the goal as far as it was: the travelled distance is lost."""
+        if self.end is End.TERMINAL and not self.success:
+            return before
+        return self.remaining()
+
+    def _settle(self) -> None:
+        """Decide whether the episode ends here, and why."""
+        observation = self._observation
+        if self.task.complete(self.coverage, self.pose):
+            self.end, self.reason = End.TERMINAL, "complete"
+        elif self.mapper.stuck:
+            self.end, self.reason = End.TERMINAL, "stuck"
+        elif self._blocked_in_row >= MAX_BLOCKED:
+            self.end, self.reason = End.TERMINAL, "blocked"
+        elif len(observation.beacon_nodes()) == 0:
+            unreachable = observation.has_target
+            self.end = End.TERMINAL
+            self.reason = "target unreachable" if unreachable else "nothing useful left"
+        elif len(observation.waypoint_nodes()) == 0:
+            self.end, self.reason = End.TERMINAL, "stuck"
+        elif self.steps >= self._max_steps:
+            self.end, self.reason = End.TRUNCATED, "step limit"
+
+    def _check_choice(self, beacon: int, waypoint: int) -> None:
+        if self.end is not End.NONE:
+            raise HDError(f"the episode has ended ({self.reason or 'never begun'}): call reset(world, seed) first")
+        observation = self._observation
+        if beacon not in observation.beacon_nodes():
+            raise HDError(f"beacon must be one of the nodes {observation.beacon_nodes().tolist()}, got {beacon}")
+        if waypoint not in observation.waypoint_nodes():
+            raise HDError(f"waypoint must be one of the nodes {observation.waypoint_nodes().tolist()}, got {waypoint}")
+
+    def _go_to_viewpoint(self, observation: Observation) -> Observation:
+        """Drive to the robot's viewpoint when it stands beside it; return what is known then."""
+        node = self.mapper.position(observation.robot)
+        if self.pose.distance_to(node) <= ON_VIEWPOINT:
+            return observation
+        self._take(self._simulator.drive_to(node))
+        self._sense()
+        return observation if self.mapper.stuck else self.mapper.observe()
+
+    def _drive(self, goal: tuple[float, float]) -> bool:
+        """Drive to a position, straight when that way is known to be free, else via the robot's viewpoint."""
+        legs = [goal]
+        if not self.mapper.segment_free(self.pose.position, goal):
+            node = self.mapper.position(self._observation.robot)
+            if self.pose.distance_to(node) > 1e-6:
+                legs = [node, goal]
+        return all(self._take(self._simulator.drive_to(point)) for point in legs)
+
+    def _take(self, leg: Leg) -> bool:
+        for pose, scan in leg.sensed:
+            self.mapper.integrate(scan, pose)
+        self.pose = leg.pose
+        self.distance += leg.distance
+        self.collisions += leg.collisions
+        self.positions.append(leg.pose.position)
+        return leg.reached
+
+    def _sense(self) -> None:
+        """Scan from here, and bring the belief, the graph and the coverage up to date."""
+        self.mapper.integrate(self._simulator.scan(), self.pose)
+        self.mapper.update(self.pose)
+        belief = self.mapper.belief
+        self.coverage.update(belief.cells, belief.resolution, belief.origin)
+
+    def _frontier_cells(self) -> NDArray[np.int64]:
+        """Return the frontier cells as unique numbers that do not change when the belief grows."""
+        cells = np.floor(self.mapper.frontiers / self._mapping.resolution + 1e-6).astype(np.int64)
+        return cells[:, 1] * (1 << 32) + cells[:, 0]
+
+
+def route_length(positions: list[tuple[float, float]]) -> float:
+    """Length of a route in metres, for recounts of `Environment.positions`."""
+    points = np.array(positions, dtype=np.float64)
+    return float(np.hypot(*np.diff(points, axis=0).T).sum()) if len(points) > 1 else 0.0

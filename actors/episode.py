@@ -1,0 +1,85 @@
+"""One episode, as the paper tells it: observe, choose a beacon and a waypoint, drive, sense, learn what came of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from actors.driver import Driver
+from actors.environment import Environment
+from actors.maps.grid_map import GridMap
+from actors.recorder import Recorder
+from common.messages.experience import End, EpisodeReport
+
+
+@dataclass(frozen=True, slots=True)
+class Role:
+    """How an actor's episodes are reported.
+
+    Attributes:
+        name: `train` or `evaluate`.
+        simulator: name of the simulator, with its fidelity.
+    """
+
+    name: str
+    simulator: str
+
+
+def run_episode(
+    environment: Environment,
+    world: GridMap,
+    driver: Driver,
+    role: Role,
+    *,
+    seed: int,
+    recorder: Recorder | None = None,
+    label: bool = False,
+    keep_on: Callable[[], bool] = lambda: True,
+) -> EpisodeReport | None:
+    """Run one episode.
+
+    Args:
+        environment: the simulator, the mapping and the task.
+        world: where.
+        driver: who chooses.
+        role: how the episode is reported.
+        seed: of the simulator.
+        recorder: takes every step; None when only the report matters.
+        label: let the privileged expert judge every decision, for imitation.
+        keep_on: asked before every decision; False breaks the episode off.
+
+    Returns:
+        The report, or None when the episode was broken off.
+    """
+    began = time.monotonic()
+    version = driver.version
+    if recorder is not None:
+        recorder.begin()
+    observation = environment.reset(world, seed)
+    while environment.end is End.NONE:
+        if not keep_on():
+            if recorder is not None:
+                recorder.flush()
+            return None
+        judgement = environment.judgement() if label else None
+        choice = driver.choose(observation, environment)
+        step = environment.step(choice.beacon, choice.waypoint)
+        if recorder is not None:
+            recorder.add(observation, choice, judgement, step)
+        observation = step.observation
+    return EpisodeReport(
+        task=environment.task.name,
+        map_name=world.name,
+        simulator=role.simulator,
+        role=role.name,
+        driver=driver.name,
+        version=version,
+        steps=environment.steps,
+        distance=environment.distance,
+        success=environment.success,
+        explored=environment.coverage.explored,
+        reward=environment.total_reward,
+        collisions=environment.collisions,
+        duration=time.monotonic() - began,
+    )

@@ -1,0 +1,83 @@
+"""One actor as a process.
+
+Started by the supervisor as ``python -m actors.process OPTIONS``, the options being JSON (`ActorOptions`). Exit codes:
+0 told to stop, 1 crashed (worth another try), 3 something that a user has to mend.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import os
+import signal
+import sys
+import threading
+from types import FrameType
+
+from actors.options import ActorOptions
+from common.errors import HDError
+from common.logs import setup_logging
+
+log = logging.getLogger(__name__)
+
+EXIT_CRASH = 1
+EXIT_UNUSABLE = 3
+
+_PR_SET_PDEATHSIG = 1
+_PARENT_POLL_SECONDS = 0.5
+
+
+def follow_parent(parent: int, stop: threading.Event) -> None:
+    """End this process when its supervisor is gone.
+
+    Linux is asked for a SIGTERM; a thread looks after the parent's number everywhere, and ends the process outright
+    when a stop in good order takes longer than three seconds.
+    """
+    if sys.platform.startswith("linux"):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            if stop.wait(_PARENT_POLL_SECONDS):
+                return
+        log.warning("the supervisor (process %d) is gone: stopping", parent)
+        stop.set()
+        threading.Event().wait(3.0)
+        os._exit(EXIT_CRASH)
+
+    threading.Thread(target=watch, name="parent", daemon=True).start()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one actor until it is told to stop; return its exit code."""
+    given = sys.argv[1:] if arguments is None else arguments
+    options = ActorOptions.model_validate_json(given[0])
+    setup_logging(options.log_level)
+    stop = threading.Event()
+
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        del number, frame
+        stop.set()
+
+    signal.signal(signal.SIGTERM, on_signal)
+    signal.signal(signal.SIGINT, on_signal)
+    if options.parent:
+        follow_parent(options.parent, stop)
+    # Imported late: signals and the parent are looked after while numba and the simulator load.
+    from actors.worker import Worker
+
+    worker = Worker(options, stop)
+    try:
+        worker.run()
+    except HDError as error:
+        log.error("%s", error)
+        return EXIT_CRASH if worker.acted else EXIT_UNUSABLE
+    return 0
+
+
+if __name__ == "__main__":
+    code = main()
+    # Threads of Zenoh or PyBullet must not keep a finished actor alive.
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)

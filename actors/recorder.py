@@ -1,0 +1,92 @@
+"""Cuts episodes into chunks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from actors.driver import Choice
+from actors.environment import Step
+from actors.expert import Judgement
+from common.messages.experience import Chunk, End, ExpertLabels
+from common.observation import Observation, ObservationBatch
+
+
+class Recorder:
+    """Collects the steps of one episode after another and hands them on in chunks.
+
+    Args:
+        chunk_steps: steps per chunk.
+        emit: called with every chunk.
+    """
+
+    def __init__(self, chunk_steps: int, emit: Callable[[Chunk], None]) -> None:
+        self._chunk_steps = chunk_steps
+        self._emit = emit
+        self._episode = -1
+        self.begin()
+
+    @property
+    def episode(self) -> int:
+        """Number of the present episode, counted from 0."""
+        return self._episode
+
+    def begin(self) -> None:
+        """Begin the next episode; steps of the last one that were not handed on are lost (see `flush`)."""
+        self._episode += 1
+        self._first_step = 0
+        self._clear()
+
+    def add(self, observation: Observation, choice: Choice, judgement: Judgement | None, step: Step) -> None:
+        """Add one decision and its result; hands on a chunk when it is full or the episode ends.
+
+        Args:
+            observation: what the decision was made from.
+            choice: the decision.
+            judgement: the expert's view of it, or None; all steps of an episode have one, or none has.
+            step: what came of it.
+        """
+        self._observations.append(observation)
+        self._choices.append(choice)
+        self._rewards.append(step.reward)
+        if judgement is not None:
+            self._judgements.append(judgement)
+        if step.end is not End.NONE:
+            self._observations.append(step.observation)
+            self._cut(step.end)
+        elif len(self._rewards) == self._chunk_steps:
+            self._cut(End.NONE)
+
+    def flush(self) -> None:
+        """Hand on what is left of an episode that is broken off."""
+        if self._rewards:
+            self._cut(End.NONE)
+
+    def _clear(self) -> None:
+        self._observations: list[Observation] = []
+        self._choices: list[Choice] = []
+        self._judgements: list[Judgement] = []
+        self._rewards: list[float] = []
+
+    def _cut(self, end: End) -> None:
+        labels = None
+        if len(self._judgements) == len(self._rewards):
+            labels = ExpertLabels(
+                cost=np.concatenate([judgement.cost for judgement in self._judgements]),
+                beacon=np.array([judgement.beacon for judgement in self._judgements], dtype=np.int32),
+            )
+        chunk = Chunk(
+            episode=self._episode,
+            first_step=self._first_step,
+            observations=ObservationBatch.stack(self._observations),
+            beacons=np.array([choice.beacon for choice in self._choices], dtype=np.int32),
+            waypoints=np.array([choice.waypoint for choice in self._choices], dtype=np.int32),
+            rewards=np.array(self._rewards, dtype=np.float32),
+            versions=np.array([choice.version for choice in self._choices], dtype=np.int64),
+            labels=labels,
+            end=end,
+        )
+        self._first_step += len(self._rewards)
+        self._clear()
+        self._emit(chunk)

@@ -1,0 +1,255 @@
+"""What an actor does: fetch the run's specification, pull weights, act, deliver, and outlive its learner."""
+
+from __future__ import annotations
+
+import logging
+import os
+import platform
+import threading
+import time
+from dataclasses import dataclass
+
+import zenoh
+
+from actors.collector import Collector
+from actors.options import ActorOptions
+from common.bus.experience import ExperienceSender
+from common.bus.liveness import declare_presence
+from common.bus.session import open_client_session
+from common.bus.spec import fetch_spec
+from common.bus.stats import publish_stats
+from common.bus.weights import WeightsPuller
+from common.config.schema import RunConfig
+from common.errors import BusError, MessageError
+from common.messages.experience import Chunk, EpisodeReport
+from common.messages.replies import Spec
+from common.messages.stats import ActorStats
+from common.messages.weights import Weights
+from common.network.parameters import parameter_shapes
+from common.runtime import limit_threads
+
+log = logging.getLogger(__name__)
+
+POLL_SECONDS = 0.2
+FLUSH_SECONDS = 1.0
+
+
+@dataclass(slots=True)
+class _Parts:
+    """What one specification needs, for as long as it holds.
+
+    Attributes:
+        learner: incarnation of the learner whose specification this is.
+        weights: version in use.
+    """
+
+    collector: Collector
+    sender: ExperienceSender
+    puller: WeightsPuller
+    learner: int
+    weights: Weights | None = None
+
+
+class Worker:
+    """One actor.
+
+    Args:
+        options: what this actor was told.
+        stop: set from outside to end it.
+    """
+
+    def __init__(self, options: ActorOptions, stop: threading.Event) -> None:
+        self._options = options
+        self._stop = stop
+        self._state = "starting"
+        self.acted = False
+        """Whether it ever got as far as acting."""
+
+    def run(self) -> None:
+        """Act until told to stop; a learner that comes back with another configuration is begun with anew."""
+        options = self._options
+        limit_threads(1)
+        with (
+            open_client_session(options.bus, options.bus.connect or None) as session,
+            declare_presence(session, options.run, options.role, options.name),
+        ):
+            spec = self._wait_for_spec(session)
+            while spec is not None:
+                spec = self._act(session, spec)
+
+    def _wait_for_spec(self, session: zenoh.Session) -> Spec | None:
+        """Return the run's specification as soon as its learner answers; None when told to stop before."""
+        said = False
+        while not self._stop.is_set():
+            try:
+                return fetch_spec(session, self._options.run, timeout=1.0)
+            except BusError:
+                self._state = "waiting for the learner"
+                if not said:
+                    said = True
+                    endpoints = ", ".join(self._options.bus.connect or (self._options.bus.listen,))
+                    log.info("waiting for the learner of run %r at %s", self._options.run, endpoints)
+        return None
+
+    def _act(self, session: zenoh.Session, spec: Spec) -> Spec | None:
+        """Act by one specification; return the next when the configuration changed, None when told to stop."""
+        options = self._options
+        try:
+            config = options.apply(RunConfig.model_validate_json(spec.config))
+        except ValueError as error:
+            raise MessageError(
+                "spec.config", f"is not a configuration that this version of the software knows: {error}"
+            ) from None
+        with (
+            ExperienceSender(
+                session,
+                options.run,
+                options.name,
+                window=config.actor.window,
+                buffer=config.actor.buffer_chunks,
+                ack_timeout=config.bus.ack_timeout,
+            ) as sender,
+            WeightsPuller(
+                session,
+                options.run,
+                timer=config.actor.weights_timeout,
+                averaged=options.evaluate,
+                shapes=parameter_shapes(config.network),
+            ) as puller,
+        ):
+
+            def deliver(body: Chunk | EpisodeReport) -> None:
+                while not sender.send(body, timeout=POLL_SECONDS) and not self._stop.is_set():
+                    self._state = "paused: the buffer is full"
+
+            collector = Collector(
+                config,
+                [config.seed, sender.incarnation],
+                deliver,
+                role="evaluate" if options.evaluate else "train",
+                gui=options.gui,
+            )
+            log.info(
+                "joined run %r: %s in %s, %s",
+                spec.run,
+                config.task.name,
+                collector.simulator_name,
+                f"evaluating on {len(collector.worlds)} worlds" if options.evaluate else "training",
+            )
+            parts = _Parts(collector, sender, puller, spec.learner)
+            done = threading.Event()
+            teller = threading.Thread(target=self._tell, args=(session, parts, done), name="statistics", daemon=True)
+            teller.start()
+            try:
+                return self._work(session, spec, parts)
+            finally:
+                done.set()
+                teller.join()
+                collector.close()
+
+    def _work(self, session: zenoh.Session, spec: Spec, parts: _Parts) -> Spec | None:
+        """Run episodes until told to stop, or until a restarted learner has another configuration."""
+        while not self._stop.is_set():
+            fresh = self._restarted_learner(session, parts)
+            if fresh is not None and fresh.config != spec.config:
+                log.warning(
+                    "the learner of run %r was restarted with another configuration: beginning anew; "
+                    "%d messages of the old one are dropped",
+                    spec.run,
+                    parts.sender.pending,
+                )
+                return fresh
+            if not self._have_weights(parts):
+                continue
+            self.acted = True
+            if self._options.evaluate:
+                self._evaluate(parts)
+            else:
+                self._state = "acting"
+                parts.collector.collect(lambda: self._may_go_on(parts))
+        self._state = "stopping"
+        parts.sender.flush(FLUSH_SECONDS)
+        return None
+
+    def _restarted_learner(self, session: zenoh.Session, parts: _Parts) -> Spec | None:
+        """Return the specification of a learner that was restarted since the last look, else None."""
+        newest = parts.puller.latest()
+        heard = {parts.sender.learner, parts.learner if newest is None else newest.learner} - {-1, parts.learner}
+        if not heard:
+            return None
+        try:
+            spec = fetch_spec(session, self._options.run, timeout=1.0)
+        except BusError:
+            # It is gone again; what is known goes on holding until it answers.
+            return None
+        parts.learner = spec.learner
+        return spec
+
+    def _have_weights(self, parts: _Parts) -> bool:
+        """Load the newest policy version; wait a moment for the first one, or for a new one to evaluate."""
+        newest = parts.puller.latest()
+        evaluated = self._options.evaluate and newest is not None and newest is parts.weights
+        if newest is None or evaluated:
+            self._state = "waiting for the first weights" if newest is None else "waiting for a new version"
+            parts.puller.wait(POLL_SECONDS, after=newest)
+            return False
+        self._load(parts, newest)
+        return True
+
+    def _load(self, parts: _Parts, weights: Weights) -> None:
+        if weights is not parts.weights:
+            parts.collector.load(weights.tensors, weights.version, weights.updates)
+            parts.weights = weights
+
+    def _may_go_on(self, parts: _Parts) -> bool:
+        """Between two decisions: take over new weights, pause as long as the learner asks, heed a stop."""
+        newest = parts.puller.latest()
+        if newest is not None:
+            self._load(parts, newest)
+        while (hold := parts.sender.hold) > 0.0 and not self._stop.is_set():
+            self._state = "held by the learner"
+            self._stop.wait(min(hold, POLL_SECONDS))
+        self._state = "acting" if parts.sender.learner_present else "acting, the learner does not answer"
+        return not self._stop.is_set()
+
+    def _evaluate(self, parts: _Parts) -> None:
+        """Run the present version on every validation world."""
+        version = parts.collector.policy.version
+        total = len(parts.collector.worlds)
+        successes = 0
+        distance = 0.0
+        for index in range(total):
+            self._state = f"evaluating version {version}: world {index + 1} of {total}"
+            report = parts.collector.evaluate(index, lambda: not self._stop.is_set())
+            if report is None:
+                return
+            successes += report.success
+            distance += report.distance
+        log.info(
+            "version %d: %d of %d worlds complete, mean distance %.1f m", version, successes, total, distance / total
+        )
+
+    def _tell(self, session: zenoh.Session, parts: _Parts, done: threading.Event) -> None:
+        """Publish statistics once a second."""
+        options, collector = self._options, parts.collector
+        steps, then = collector.steps, time.monotonic()
+        while not done.wait(1.0):
+            now = time.monotonic()
+            rate = (collector.steps - steps) / (now - then)
+            steps, then = collector.steps, now
+            stats = ActorStats(
+                actor=options.name,
+                host=platform.node()[:64],
+                pid=os.getpid(),
+                steps=collector.steps,
+                episodes=collector.episodes,
+                steps_per_second=rate,
+                version=-1 if parts.weights is None else parts.weights.version,
+                version_age=parts.puller.age,
+                buffered=parts.sender.pending,
+                state=self._state,
+            )
+            try:
+                publish_stats(session, options.run, options.role, options.name, stats)
+            except zenoh.ZError:
+                return
