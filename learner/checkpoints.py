@@ -85,6 +85,10 @@ class CheckpointStore:
         path = self.folder / which
         return path.read_text("utf-8").strip() if path.is_file() else None
 
+    def document(self, name: str) -> dict[str, Any]:
+        """Read the plain values of a checkpoint alone, unchecked."""
+        return json.loads((self.folder / name / _DOCUMENT).read_text("utf-8"))
+
     def load(self, name: str) -> Checkpoint:
         """Load one checkpoint after checking it.
 

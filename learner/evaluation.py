@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from numpy.typing import NDArray
@@ -71,6 +71,20 @@ class EvaluationRounds:
             return None
         del self._open[actor]
         return Round(report.version, mean_episode(list(reports.values())))
+
+    def state(self) -> list[Any]:
+        """Return the unfinished rounds, ready for JSON."""
+        return [
+            [actor, incarnation, version, [asdict(report) for report in reports.values()]]
+            for actor, (incarnation, version, reports) in self._open.items()
+        ]
+
+    def restore(self, state: list[Any]) -> None:
+        """Take over the unfinished rounds of an earlier process."""
+        self._open = {
+            actor: (incarnation, version, {values["map_name"]: EpisodeReport(**values) for values in reports})
+            for actor, incarnation, version, reports in state
+        }
 
     @property
     def versions(self) -> set[int]:

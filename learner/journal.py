@@ -144,7 +144,28 @@ class Journal:
         """
         for number in self.segments():
             if first <= number < self._segment:
-                yield from self._read_segment(number)
+                yield from self.read_segment(number)
+
+    def read_segment(self, number: int) -> Iterator[Record]:
+        """Yield the records of one finished segment.
+
+        Raises:
+            CheckpointError: where the segment is damaged.
+        """
+        path = self._path(number)
+        sound = 0
+        for end, body in _records(path):
+            sound = end
+            try:
+                yield Record(number, RecordKind(body[0]), body[1:])
+            except ValueError:
+                raise CheckpointError(
+                    f"{path}: a record is of the unknown kind {body[0]}: resume with the software that wrote it"
+                ) from None
+        if sound != path.stat().st_size:
+            raise CheckpointError(
+                f"{path} is damaged at byte {sound}: restore the file, or delete it to go on without what it holds"
+            )
 
     def close(self) -> None:
         """Sync and close; safe to call twice."""
@@ -166,22 +187,6 @@ class Journal:
 
     def _path(self, segment: int) -> Path:
         return self._folder / f"{segment:08d}{_SUFFIX}"
-
-    def _read_segment(self, number: int) -> Iterator[Record]:
-        path = self._path(number)
-        sound = 0
-        for end, body in _records(path):
-            sound = end
-            try:
-                yield Record(number, RecordKind(body[0]), body[1:])
-            except ValueError:
-                raise CheckpointError(
-                    f"{path}: a record is of the unknown kind {body[0]}: resume with the software that wrote it"
-                ) from None
-        if sound != path.stat().st_size:
-            raise CheckpointError(
-                f"{path} is damaged at byte {sound}: restore the file, or delete it to go on without what it holds"
-            )
 
     def _cut_torn_end(self, path: Path) -> None:
         sound = max((end for end, _ in _records(path)), default=0)

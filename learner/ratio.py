@@ -75,14 +75,19 @@ class RatioKeeper:
             self._paused = value
             self._last_update = None
 
-    def restore(self, steps: int, updates: int, filled: int) -> None:
-        """Continue with the counts of an earlier process; ``filled`` is the number of transitions that it left.
+    def restore(self, steps: int, updates: int, filled: int = 0, fresh_from: int = 0) -> None:
+        """Continue with the counts of an earlier process.
 
-        When it left none, `min_steps` are collected anew before the next update.
+        Args:
+            steps: collected so far.
+            updates: made so far.
+            filled: transitions in the replay buffer.
+            fresh_from: count of steps at which the replay buffer began anew; `min_steps` are collected from there
+                before the next update.
         """
         with self._lock:
             self._steps, self._updates, self._filled = steps, updates, filled
-            self._fresh_from = 0 if filled else steps
+            self._fresh_from = fresh_from
             self._last_update = None
 
     def note_steps(self, steps: int, filled: int) -> None:

@@ -60,7 +60,7 @@ def test_a_pause_stops_both_sides():
 
 def test_a_run_resumed_without_its_replay_buffer_fills_it_first():
     keeper = RatioKeeper(0.5, tolerance=100, min_steps=50)
-    keeper.restore(steps=1000, updates=400, filled=0)
+    keeper.restore(steps=1000, updates=400, filled=0, fresh_from=1000)
     assert not keeper.may_update()
     keeper.note_steps(49, filled=49)
     assert not keeper.may_update() and keeper.hold() == 0.0

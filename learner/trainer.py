@@ -1,0 +1,415 @@
+"""The parts of training behind the loop: each method is one stage that the loop names."""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from common.errors import CheckpointError, HDError
+from common.policy_file import PolicyCard
+from learner.batch import TransitionBatch
+from learner.best import BestPolicy
+from learner.checkpoints import CheckpointStore
+from learner.code_state import code_state, commit_of
+from learner.episodes import GROUPS, EpisodeLog
+from learner.ingest import Ingest
+from learner.journal import Journal
+from learner.metrics import Curves, Means, RateMeter
+from learner.ratio import RatioKeeper
+from learner.replay import Replay
+from learner.run_folder import RunFolder
+
+logger = logging.getLogger(__name__)
+
+LOG_EVERY = 10
+"""Updates between two points of the curves."""
+_WAIT_SECONDS = 0.2
+_REMEMBERED_VERSIONS = 4096
+
+Policy = dict[str, NDArray[Any]]
+
+
+class Algorithm(Protocol):
+    """What the loop needs of the mathematics; `learner.sac.SacLearner` is one."""
+
+    def update(self, batch: TransitionBatch) -> dict[str, float]:
+        """Learn from one batch; return losses and other figures by name."""
+        ...
+
+    def state(self) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
+        """Return everything that resuming needs: named tensors, and plain values."""
+        ...
+
+    def restore(self, state: tuple[Mapping[str, torch.Tensor], Mapping[str, Any]]) -> None:
+        """Take over what `state` returned."""
+        ...
+
+    def policy_weights(self, averaged: bool) -> Policy:
+        """Return the policy's weights, or their moving average."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PublishedVersion:
+    """A policy version on its way to the actors.
+
+    Attributes:
+        version: its number.
+        updates: updates behind it.
+        weights: what actors explore with.
+        averaged: what evaluation and export use; None when averaging is off.
+    """
+
+    version: int
+    updates: int
+    weights: Policy
+    averaged: Policy | None
+
+
+class Trainer:
+    """Holds what a run consists of, and offers the stages of the loop.
+
+    Use `begin` for a new run or `resume` for an earlier one before anything else, and `close` at the end.
+
+    Args:
+        run: the run's folder.
+        algorithm: the mathematics.
+        publish: sends a policy version to the actors; must not wait for them.
+    """
+
+    def __init__(self, run: RunFolder, algorithm: Algorithm, publish: Callable[[PublishedVersion], None]) -> None:
+        config = run.config
+        self.run = run
+        self.config = config
+        self.algorithm = algorithm
+        self._publish = publish
+        self.replay = Replay(config.replay.capacity, config.replay.max_bytes)
+        self.keeper = RatioKeeper(
+            config.learner.updates_per_step, config.learner.ratio_tolerance, config.replay.min_steps
+        )
+        self.checkpoints = CheckpointStore(run.checkpoints, config.checkpoints.keep)
+        self._journal = Journal(run.journal)
+        self._rng = np.random.default_rng([config.seed, 2])
+        self.best = BestPolicy(self.checkpoints, self.card)
+        self._published_at: OrderedDict[int, float] = OrderedDict()
+        self._commit = commit_of(code_state())
+        self.losses: dict[str, float] = {}
+        """Newest means of what an update reports."""
+        self.updates_rate = RateMeter(window=20.0)
+        self._means = Means()
+        self._began = time.monotonic()
+        self._checkpoint_at = 0.0
+        self._checkpoint_wanted = threading.Event()
+        self._checkpoint_done = threading.Condition()
+        self._checkpoints_made = 0
+        self._stop = threading.Event()
+        self._warned_unlabelled = False
+        self.waiting = False
+        self.ingest: Ingest
+        self._curves: Curves
+
+    # --- beginning and end -------------------------------------------------------------------------------------
+
+    def begin(self) -> None:
+        """Begin a new run: nothing collected, nothing learnt, a first checkpoint."""
+        self._open_records(episodes_length=0, updates=0)
+        self._curves.text("config", f"```json\n{self.config.model_dump_json(indent=2)}\n```")
+        self.checkpoint()
+
+    def resume(self) -> None:
+        """Continue from the newest sound checkpoint and the journal.
+
+        Raises:
+            CheckpointError: when no checkpoint is usable, or the journal behind it is damaged.
+        """
+        checkpoint = self.checkpoints.load_newest()
+        try:
+            document = checkpoint.document
+            updates = int(document["updates"])
+            snapshot = document["ingest"]
+            self.algorithm.restore((checkpoint.tensors, document["algorithm"]))
+            self._rng.bit_generator.state = document["rng"]
+            self._open_records(int(snapshot["episodes_length"]), updates)
+            self.ingest.rebuild(snapshot, updates)
+        except (KeyError, TypeError, ValueError, RuntimeError) as error:
+            raise CheckpointError(
+                f"checkpoint {checkpoint.name} of {self.run.path} does not fit this software or configuration: "
+                f"{type(error).__name__}: {error}"
+            ) from error
+        self.checkpoints.set_aside_after(checkpoint.name)
+        self.run.note_code(updates)
+        self._schedule_checkpoint()
+        logger.info(
+            "resumed run %s from checkpoint %s: %d updates, %d steps, %d episodes",
+            self.config.name,
+            checkpoint.name,
+            updates,
+            self.keeper.steps,
+            self.ingest.episode_count,
+        )
+
+    def close(self) -> None:
+        """Close all files; no checkpoint is made here."""
+        if hasattr(self, "_curves"):
+            self._curves.close()
+            self.ingest.episodes.close()
+        self._journal.close()
+
+    def _open_records(self, episodes_length: int, updates: int) -> None:
+        episodes = EpisodeLog(self.run.episodes, episodes_length)
+        self._curves = Curves(self.run.tensorboard, updates)
+        self.ingest = Ingest(self.config, self.replay, self.keeper, self._journal, episodes)
+
+    # --- the stages of the loop --------------------------------------------------------------------------------
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run is complete or was told to stop."""
+        return self._stop.is_set() or self.complete
+
+    @property
+    def complete(self) -> bool:
+        """Whether all updates of the run are made."""
+        return self.keeper.updates >= self.config.learner.total_updates
+
+    def data_is_ready(self) -> bool:
+        """Wait a moment for the data and the ratio that the next update needs; return whether they are there."""
+        ready = self.ingest.wait(self._may_learn, _WAIT_SECONDS)
+        self.waiting = not ready
+        return ready
+
+    def sample(self) -> TransitionBatch:
+        """Draw the batch of the next update: labelled steps while cloning, transitions afterwards."""
+        began = time.perf_counter()
+        draw = self.replay.sample_labelled if self.cloning else self.replay.sample
+        batch = draw(self.config.learner.batch_size, self._rng)
+        self._means.add({"time/sample_ms": 1e3 * (time.perf_counter() - began)})
+        return batch
+
+    def learn(self, batch: TransitionBatch) -> None:
+        """Make one update.
+
+        Raises:
+            HDError: when a figure of the update is not finite; the last checkpoint is older than that.
+        """
+        began = time.perf_counter()
+        figures = self.algorithm.update(batch)
+        if not all(math.isfinite(value) for value in figures.values()):
+            bad = ", ".join(name for name, value in figures.items() if not math.isfinite(value))
+            raise HDError(
+                f"update {self.keeper.updates + 1} has diverged ({bad} not finite): lower the learning rates "
+                "(--set adam.policy=..., adam.critic=...) and resume from the last checkpoint"
+            )
+        self.keeper.note_update()
+        self.updates_rate.add()
+        self._means.add({f"train/{name}": value for name, value in figures.items()})
+        self._means.add({"time/update_ms": 1e3 * (time.perf_counter() - began)})
+
+    def publish(self) -> None:
+        """Send the newest policy to the actors under a new version number."""
+        version = self.ingest.version + 1
+        self.ingest.note_version(version)
+        updates = self.keeper.updates
+        averaged = self.algorithm.policy_weights(averaged=True) if self.config.learner.average_decay else None
+        published = PublishedVersion(version, updates, self.algorithm.policy_weights(averaged=False), averaged)
+        acting = published.weights if averaged is None else averaged
+        self.best.remember(version, updates, acting, self.ingest.versions_under_evaluation)
+        self._published_at[version] = time.monotonic()
+        while len(self._published_at) > _REMEMBERED_VERSIONS:
+            self._published_at.popitem(last=False)
+        self._publish(published)
+
+    def publish_if_due(self) -> None:
+        """Publish every `learner.publish_every` updates, and the last."""
+        if self.keeper.updates % self.config.learner.publish_every == 0 or self.complete:
+            self.publish()
+
+    def record_if_due(self) -> None:
+        """Write a point of each curve every few updates."""
+        if self.keeper.updates % LOG_EVERY == 0 or self.complete:
+            self._record()
+
+    def serve(self) -> None:
+        """Do what has become due besides updates: the best policy, a checkpoint by the clock or by command."""
+        for finished in self.ingest.finished_rounds():
+            self.best.consider(finished)
+            figures = {f"evaluation/{name}": value for name, value in asdict(finished.means).items() if name != "count"}
+            self._curves.write(self.keeper.updates, figures)
+        if self._checkpoint_wanted.is_set() or time.monotonic() >= self._checkpoint_at:
+            self.checkpoint()
+
+    def checkpoint(self) -> str:
+        """Write a checkpoint, drop what it makes superfluous and return its name."""
+        began = time.monotonic()
+        self._checkpoint_wanted.clear()
+        snapshot = self.ingest.snapshot()
+        self.ingest.sync()
+        tensors, document = self.algorithm.state()
+        folder = self.checkpoints.save(
+            self.keeper.updates,
+            tensors,
+            {
+                "updates": self.keeper.updates,
+                "algorithm": document,
+                "rng": self._rng.bit_generator.state,
+                "ingest": snapshot,
+                "saved": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+            },
+        )
+        self.ingest.forget_before(self._oldest_place())
+        self._curves.flush()
+        self._schedule_checkpoint()
+        seconds = time.monotonic() - began
+        self._means.add({"time/checkpoint_ms": 1e3 * seconds})
+        logger.info("checkpoint %s written in %.1f s", folder.name, seconds)
+        with self._checkpoint_done:
+            self._checkpoints_made += 1
+            self._checkpoint_done.notify_all()
+        return folder.name
+
+    # --- commands from other threads ---------------------------------------------------------------------------
+
+    def stop(self) -> None:
+        """Let the loop end after the update that it is in."""
+        self._stop.set()
+        self._wake()
+
+    @property
+    def stopping(self) -> bool:
+        """Whether the loop was told to end."""
+        return self._stop.is_set()
+
+    def pause(self) -> None:
+        """Make no more updates, and let the actors wait, until `unpause`."""
+        self.keeper.paused = True
+
+    def unpause(self) -> None:
+        """Go on after `pause`."""
+        self.keeper.paused = False
+        self._wake()
+
+    def request_checkpoint(self, timeout: float) -> bool:
+        """Let the loop make a checkpoint now; return whether it was done in time."""
+        with self._checkpoint_done:
+            before = self._checkpoints_made
+            self._checkpoint_wanted.set()
+            return self._checkpoint_done.wait_for(lambda: self._checkpoints_made > before, timeout)
+
+    # --- what others see ---------------------------------------------------------------------------------------
+
+    @property
+    def cloning(self) -> bool:
+        """Whether the next update only imitates the expert."""
+        return self.keeper.updates < self.config.cloning.updates
+
+    @property
+    def state(self) -> str:
+        """What the learner does now, one word."""
+        if self.complete:
+            return "complete"
+        if self.stopping:
+            return "stopping"
+        if self.keeper.paused:
+            return "paused"
+        if self.waiting:
+            return "waiting" if self.keeper.updates else "collecting"
+        return "cloning" if self.cloning else "training"
+
+    @property
+    def uptime(self) -> float:
+        """Seconds since this process began."""
+        return time.monotonic() - self._began
+
+    @property
+    def next_checkpoint(self) -> float:
+        """Seconds until the next checkpoint."""
+        return max(0.0, self._checkpoint_at - time.monotonic())
+
+    def superseded_for(self, version: int) -> float:
+        """Seconds for which a policy version has not been the newest; 0 for the newest and for unknown ones."""
+        at = self._published_at.get(version + 1)
+        return 0.0 if at is None else time.monotonic() - at
+
+    def card(self, version: int, updates: int, evaluation: dict[str, float] | None = None) -> PolicyCard:
+        """Describe a policy of this run."""
+        return PolicyCard(
+            run=self.config.name,
+            task=self.config.task.name,
+            network=self.config.network,
+            mapping=self.config.mapping,
+            version=version,
+            updates=updates,
+            steps=self.keeper.steps,
+            averaged=bool(self.config.learner.average_decay),
+            commit=self._commit,
+            created=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+            evaluation=evaluation,
+        )
+
+    # --- parts -------------------------------------------------------------------------------------------------
+
+    def _may_learn(self) -> bool:
+        if self._stop.is_set():
+            return False
+        if not self.keeper.may_update():
+            return False
+        if self.cloning and not self.replay.labelled:
+            if not self._warned_unlabelled:
+                self._warned_unlabelled = True
+                logger.warning("no labelled step has come yet, so imitation waits: actors label when cloning is on")
+            return False
+        return self.cloning or len(self.replay) > 0
+
+    def _oldest_place(self) -> int:
+        """First journal segment that a kept checkpoint needs in order to count everything once."""
+        places = []
+        for name in self.checkpoints.names():
+            try:
+                places.append(int(self.checkpoints.document(name)["ingest"]["segment"]))
+            except (OSError, ValueError, KeyError):
+                logger.error("checkpoint %s has been damaged since it was written", self.checkpoints.folder / name)
+        return min(places)
+
+    def _wake(self) -> None:
+        if hasattr(self, "ingest"):
+            self.ingest.wake()
+
+    def _schedule_checkpoint(self) -> None:
+        self._checkpoint_at = time.monotonic() + self.config.checkpoints.every_seconds
+
+    def _record(self) -> None:
+        updates = self.keeper.updates
+        means = self._means.take()
+        self.losses = {
+            name.removeprefix("train/"): value for name, value in means.items() if name.startswith("train/")
+        } or self.losses
+        values = {
+            **means,
+            **self.ingest.means.take(),
+            "collect/steps": self.keeper.steps,
+            "collect/steps_per_second": self.ingest.steps_rate.rate,
+            "collect/episodes": self.ingest.episode_count,
+            "replay/transitions": len(self.replay),
+            "replay/fill": self.replay.fill,
+            "replay/megabytes": self.replay.bytes / 1e6,
+            "ratio/actual": self.keeper.actual,
+            "ratio/lead_steps": self.keeper.lead,
+            "ratio/hold_seconds": self.keeper.hold(),
+            "time/updates_per_second": self.updates_rate.rate,
+            "policy/version": self.ingest.version,
+        }
+        for group in GROUPS:
+            late = self.ingest.episodes.means(group)
+            if late is not None:
+                values |= {f"episode_{group}/{name}": value for name, value in asdict(late).items() if name != "count"}
+        self._curves.write(updates, values)
