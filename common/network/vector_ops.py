@@ -10,15 +10,14 @@ import math
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
+from llvmlite import ir  # type: ignore[import-untyped]
 from numba import njit, types
-from numba.core import cgutils
 from numba.extending import intrinsic
 
 _FLOAT = ir.FloatType()
 
 
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+@intrinsic(prefer_literal=True)
 def _dot(_typing_context: Any, a: Any, at_a: Any, b: Any, at_b: Any, size: Any) -> Any:
     """Sum a[at_a : at_a + size] * b[at_b : at_b + size].
 
@@ -32,9 +31,9 @@ def _dot(_typing_context: Any, a: Any, at_a: Any, b: Any, at_b: Any, size: Any) 
         left = builder.load(_address(context, builder, signature, arguments, 0, length), align=4)
         right = builder.load(_address(context, builder, signature, arguments, 2, length), align=4)
         product = builder.fmul(left, right, flags=("fast",))
-        name = f"llvm.vector.reduce.fadd.v{length}f32"
-        kind = ir.FunctionType(_FLOAT, [_FLOAT, ir.VectorType(_FLOAT, length)])
-        reduce = cgutils.get_or_insert_function(builder.module, kind, name)
+        vector = ir.VectorType(_FLOAT, length)
+        kind = ir.FunctionType(_FLOAT, [_FLOAT, vector])
+        reduce = builder.module.declare_intrinsic("llvm.vector.reduce.fadd", [vector], kind)
         return builder.call(reduce, [ir.Constant(_FLOAT, 0.0), product], fastmath=("fast",))
 
     return types.float32(a, at_a, b, at_b, size), generate
@@ -44,7 +43,7 @@ dot: Any = _dot
 """dot(a, at_a, b, at_b, size): sum of a[at_a : at_a + size] * b[at_b : at_b + size]."""
 
 
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+@intrinsic(prefer_literal=True)
 def _add_scaled(_typing_context: Any, out: Any, at_out: Any, _factor: Any, b: Any, at_b: Any, size: Any) -> Any:
     """Do out[at_out : at_out + size] += factor * b[at_b : at_b + size].
 

@@ -1,0 +1,64 @@
+"""The hierarchical critics: Q(o, b, a) for all pairs of beacon and waypoint at once (DESIGN, section 5)."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from common.config.schema import NetworkConfig
+from common.network.decoders import DecoderLayer
+from common.network.encoder import Encoder
+from common.network.graph_batch import GraphBatch
+
+
+class CriticHead(nn.Module):
+    """One Q function over encoded nodes.
+
+    Every beacon and every waypoint asks all viewpoints, beside the robot's feature; the two decoded features of a
+    pair are joined by a fully connected layer, and a last one gives the value. In `vanilla` only waypoints ask.
+    """
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__()
+        width = config.width
+        self.hierarchical = config.variant != "vanilla"
+        self.ask_beacon = nn.Linear(2 * width, width) if self.hierarchical else None
+        self.ask_waypoint = nn.Linear(2 * width, width)
+        self.decoder = DecoderLayer(config)
+        self.join_beacon = nn.Linear(width, width, bias=False) if self.hierarchical else None
+        self.join_waypoint = nn.Linear(width, width)
+        self.value = nn.Linear(width, 1)
+
+    def forward(self, nodes: Tensor, batch: GraphBatch) -> Tensor:
+        """Return Q of every pair of the batch, float32, shape (total pairs,)."""
+        waypoints = self._decode(nodes, batch, batch.waypoint_rows, batch.waypoint_graph, self.ask_waypoint)
+        joined = self.join_waypoint(waypoints).index_select(0, batch.pair_waypoint)
+        if self.ask_beacon is not None and self.join_beacon is not None:
+            beacons = self._decode(nodes, batch, batch.beacon_rows, batch.beacon_graph, self.ask_beacon)
+            joined = joined + self.join_beacon(beacons).index_select(0, batch.pair_beacon)
+        return self.value(functional.relu(joined)).squeeze(1).float()
+
+    def _decode(self, nodes: Tensor, batch: GraphBatch, rows: Tensor, owner: Tensor, ask: nn.Linear) -> Tensor:
+        robots = nodes.index_select(0, batch.robot_rows.index_select(0, owner))
+        queries = ask(torch.cat([nodes.index_select(0, rows), robots], dim=1))
+        ptr = batch.arrays.beacon_ptr if rows is batch.beacon_rows else batch.arrays.waypoint_ptr
+        return self.decoder(queries, ptr, nodes, batch)
+
+
+class HierarchicalCritic(nn.Module):
+    """Twin Q functions on an encoder of their own.
+
+    The twins share the encoder, which is nearly all of the cost, and have separate decoders and joins.
+    """
+
+    def __init__(self, config: NetworkConfig) -> None:
+        super().__init__()
+        self.encoder = Encoder(config)
+        self.first = CriticHead(config)
+        self.second = CriticHead(config)
+
+    def forward(self, batch: GraphBatch) -> tuple[Tensor, Tensor]:
+        """Return both Q of every pair of the batch, float32, shape (total pairs,) each."""
+        nodes = self.encoder(batch)
+        return self.first(nodes, batch), self.second(nodes, batch)
