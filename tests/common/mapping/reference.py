@@ -6,6 +6,7 @@ are in 1/65536 cells from the anchor, as the mapping defines them.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import ceil, cos, floor, hypot, inf, isnan, pi, sin, sqrt
 
 import numpy as np
@@ -21,6 +22,7 @@ Cell = tuple[int, int]
 Point = tuple[int, int]
 
 
+@lru_cache(maxsize=200_000)
 def touched_cells(a: Point, b: Point) -> list[Cell]:
     """All cells whose closed square meets the closed segment: boxes overlap, and no side of the line holds it all."""
     columns = np.arange((min(a[0], b[0]) - 1) // UNIT, max(a[0], b[0]) // UNIT + 1)
