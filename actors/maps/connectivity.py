@@ -1,4 +1,4 @@
-"""Connected regions of free cells, by flood filling."""
+"""Connected regions of cells."""
 
 from __future__ import annotations
 
@@ -6,52 +6,59 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-# The four neighbours that share a side, then the four that share a corner: (row, column) steps.
-_STEPS = np.array(
-    [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (-1, 1), (1, -1), (1, 1)],
-    dtype=np.int64,
-)
+
+@njit(cache=True, nogil=True)
+def _root(parent: NDArray[np.int32], label: int) -> int:
+    while parent[label] != label:
+        parent[label] = parent[parent[label]]
+        label = parent[label]
+    return label
 
 
 @njit(cache=True, nogil=True)
-def _flood(
-    mask: NDArray[np.bool_],
-    labels: NDArray[np.int32],
-    stack: NDArray[np.int64],
-    first: int,
-    label: int,
-    steps: NDArray[np.int64],
-) -> int:
-    """Give ``label`` to the region of cell ``first`` and return its size; ``labels`` must be 0 there."""
+def _label(mask: NDArray[np.bool_], labels: NDArray[np.int32], diagonal: bool) -> int:
+    """Label in two passes with a union-find over provisional labels; return the number of regions."""
     rows, columns = mask.shape
-    labels[first // columns, first % columns] = label
-    stack[0] = first
-    top = 1
-    size = 0
-    while top > 0:
-        top -= 1
-        cell = stack[top]
-        size += 1
-        row, column = cell // columns, cell % columns
-        for k in range(len(steps)):
-            y, x = row + steps[k, 0], column + steps[k, 1]
-            if 0 <= y < rows and 0 <= x < columns and mask[y, x] and labels[y, x] == 0:
-                labels[y, x] = label
-                stack[top] = y * columns + x
-                top += 1
-    return size
-
-
-@njit(cache=True, nogil=True)
-def _label(mask: NDArray[np.bool_], labels: NDArray[np.int32], steps: NDArray[np.int64]) -> int:
-    stack = np.empty(mask.size, dtype=np.int64)
-    rows, columns = mask.shape
-    count = 0
+    parent = np.zeros(mask.size // 2 + 2, dtype=np.int32)
+    made = 0
     for row in range(rows):
         for column in range(columns):
-            if mask[row, column] and labels[row, column] == 0:
-                count += 1
-                _flood(mask, labels, stack, row * columns + column, count, steps)
+            if not mask[row, column]:
+                continue
+            label = 0
+            if column > 0:
+                label = labels[row, column - 1]
+            if row > 0:
+                # With corners, the three cells below; without, only the middle one.
+                for beside in range(-1, 2):
+                    if (beside != 0 and not diagonal) or not 0 <= column + beside < columns:
+                        continue
+                    other = labels[row - 1, column + beside]
+                    if other in (0, label):
+                        continue
+                    if label == 0:
+                        label = other
+                    else:
+                        a, b = _root(parent, label), _root(parent, other)
+                        parent[max(a, b)] = min(a, b)
+            if label == 0:
+                made += 1
+                parent[made] = made
+                label = made
+            labels[row, column] = label
+    # A root is the smallest label of its region, so counting roots upwards keeps the order of first cells.
+    count = 0
+    final = np.zeros(made + 1, dtype=np.int32)
+    for label in range(1, made + 1):
+        root = _root(parent, label)
+        if root == label:
+            count += 1
+            final[label] = count
+        else:
+            final[label] = final[root]
+    for row in range(rows):
+        for column in range(columns):
+            labels[row, column] = final[labels[row, column]]
     return count
 
 
@@ -67,7 +74,7 @@ def label_regions(mask: NDArray[np.bool_], *, diagonal: bool = False) -> tuple[N
         first cell; and the count.
     """
     labels = np.zeros(mask.shape, dtype=np.int32)
-    return labels, int(_label(np.ascontiguousarray(mask), labels, _STEPS if diagonal else _STEPS[:4]))
+    return labels, int(_label(np.ascontiguousarray(mask), labels, diagonal))
 
 
 def reachable(mask: NDArray[np.bool_], cell: tuple[int, int]) -> NDArray[np.bool_]:
@@ -80,8 +87,5 @@ def reachable(mask: NDArray[np.bool_], cell: tuple[int, int]) -> NDArray[np.bool
     Returns:
         bool, shape of ``mask``; all False when the cell itself is False.
     """
-    labels = np.zeros(mask.shape, dtype=np.int32)
-    if mask[cell]:
-        stack = np.empty(mask.size, dtype=np.int64)
-        _flood(np.ascontiguousarray(mask), labels, stack, cell[0] * mask.shape[1] + cell[1], 1, _STEPS[:4])
-    return labels == 1
+    labels, _ = label_regions(mask)
+    return np.logical_and(labels == labels[cell], mask)

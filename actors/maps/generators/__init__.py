@@ -7,12 +7,17 @@ from difflib import get_close_matches
 from pydantic import ValidationError
 
 from actors.maps.generators.base import Generator
+from actors.maps.generators.forest import Forest
+from actors.maps.generators.hall import Hall
+from actors.maps.generators.office import Office
 from actors.maps.generators.rooms import Rooms
+from actors.maps.generators.tunnel import Tunnel
+from actors.maps.generators.warehouse import Warehouse
 from common.errors import MapError
 
 __all__ = ["GENERATORS", "Generator", "make_generator"]
 
-GENERATORS: dict[str, type[Generator]] = {kind.kind: kind for kind in (Rooms,)}
+GENERATORS: dict[str, type[Generator]] = {kind.kind: kind for kind in (Rooms, Office, Warehouse, Forest, Tunnel, Hall)}
 
 
 def make_generator(name: str, parameters: dict[str, str]) -> Generator:

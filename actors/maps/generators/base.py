@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from actors.maps.grid_map import GridMap
 from actors.maps.layout import BLOCK, build_map
@@ -40,7 +40,8 @@ class Generator(BaseModel, ABC):
     """A family of worlds: the same parameters and seed give the same world on every machine.
 
     Every world is guaranteed: all free space is 4-connected, the lattice through the block centres is one connected
-    graph of viewpoints (20 neighbours in line of sight), start and target lie on free lattice points.
+    graph of viewpoints (20 neighbours in line of sight), each free cell is seen from one of them, and start and target
+    are free and apart.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
@@ -49,11 +50,17 @@ class Generator(BaseModel, ABC):
     """Name in specifications."""
 
     width: Side = 640
-    """Width of the image, pixels."""
+    """Width of the image, pixels; a multiple of 16."""
     height: Side = 480
-    """Height of the image, pixels."""
+    """Height of the image, pixels; a multiple of 16."""
     seed: Annotated[int, Field(ge=0, lt=2**62)] = 0
     """World i is drawn from seed + i."""
+
+    @model_validator(mode="after")
+    def _whole_blocks(self) -> Self:
+        if self.width % BLOCK or self.height % BLOCK:
+            raise ValueError(f"width and height must be multiples of {BLOCK} px, got {self.width} x {self.height}")
+        return self
 
     @abstractmethod
     def plan(self, rng: np.random.Generator) -> Plan:

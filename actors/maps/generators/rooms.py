@@ -47,7 +47,7 @@ class _Style:
         overlap: blocks that two rooms may share in both directions.
         loops: chance per room of one more corridor.
         wide: share of corridors three blocks wide, instead of two.
-        far: chance that start and target lie in the two rooms furthest apart.
+        far: chance that start and target lie in the two rooms furthest apart (navigation).
     """
 
     margin: int
@@ -86,9 +86,7 @@ class Rooms(Generator):
     """Chance per room of one more corridor, which closes a loop; the style's when not given."""
 
     @model_validator(mode="after")
-    def _sizes_fit(self) -> Rooms:
-        if self.width % BLOCK or self.height % BLOCK:
-            raise ValueError(f"width and height must be multiples of {BLOCK} px, got {self.width} x {self.height}")
+    def _numbers_fit(self) -> Rooms:
         if self.max_rooms and self.max_rooms < self.min_rooms:
             raise ValueError(f"max_rooms ({self.max_rooms}) must not be below min_rooms ({self.min_rooms})")
         return self
@@ -142,13 +140,12 @@ class Rooms(Generator):
         self, rng: np.random.Generator, style: _Style, rooms: list[_Room]
     ) -> tuple[tuple[int, int], tuple[int, int]]:
         """Choose start and target: random blocks of two rooms, or their middles in the navigation style."""
-        first, last = 0, len(rooms) - 1
-        if rng.random() < style.far:
-            first, last = max(
-                ((a, b) for a in range(len(rooms)) for b in range(a)),
-                key=lambda pair: _steps(rooms[pair[0]].centre, rooms[pair[1]].centre),
-            )
-        start, target = rooms[first], rooms[last]
+        start, target = rooms[0], rooms[-1]
+        if self.style == "exploration":
+            target = max(rooms[1:], key=lambda room: _steps(room.centre, start.centre))
+        elif rng.random() < style.far:
+            pairs = [(a, b) for number, a in enumerate(rooms) for b in rooms[:number]]
+            start, target = max(pairs, key=lambda pair: _steps(pair[0].centre, pair[1].centre))
         if self.style == "navigation":
             return self._middle(start), self._middle(target)
         spot = self._block(rng, start)
