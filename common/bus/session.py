@@ -60,8 +60,7 @@ def open_learner_session(config: BusConfig) -> zenoh.Session:
 def open_client_session(config: BusConfig, connect: Iterable[str] | None = None) -> zenoh.Session:
     """Open the session of an actor, a robot or a command: it listens nowhere and never stops trying to connect.
 
-    Returns after about half a second whether or not the learner is there; tokens, subscriptions and queries
-    work as soon as it is.
+    Returns at once whether or not the learner is there; tokens, subscriptions and queries work as soon as it is.
 
     Args:
         config: lease and TLS files.
@@ -134,7 +133,12 @@ def _settings(config: BusConfig, mode: str, listen: list[str], connect: Iterable
             "exit_on_failure": False,
             "retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
         },
-        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        # The delay is how long opening waits for links: a client waits briefly for its learner, which waits for nobody.
+        "scouting": {
+            "multicast": {"enabled": False},
+            "gossip": {"enabled": False},
+            "delay": 0 if mode == "router" else 100,
+        },
         "transport": {"link": link, "shared_memory": {"enabled": config.shared_memory}},
     }
 

@@ -1,0 +1,263 @@
+"""Delivery inside one process; tests/common/bus/test_faults.py kills, freezes and restarts."""
+
+import contextlib
+import threading
+import time
+
+import numpy as np
+import pytest
+import zenoh
+
+from common.bus.experience import ExperienceSender, ExperienceServer
+from common.bus.query import ask
+from common.bus.session import open_client_session, open_learner_session
+from common.messages.codec import pack
+from common.messages.experience import Delivery
+from common.messages.replies import Ack
+from common.messages.schema import decode, encode
+from tests.common.bus.processes import eventually, loopback
+from tests.common.messages import samples
+
+
+@pytest.fixture
+def sessions():
+    config = loopback()
+    with open_learner_session(config) as learner, open_client_session(config) as client:
+        yield learner, client
+
+
+class Store:
+    """Keeps deliveries in a list and tells what it was told to."""
+
+    def __init__(self):
+        self.deliveries: list[Delivery] = []
+        self.hold = 0.0
+        self.failures = 0
+
+    def __call__(self, delivery: Delivery) -> float:
+        if self.failures:
+            self.failures -= 1
+            raise OSError("disk full")
+        self.deliveries.append(delivery)
+        return self.hold
+
+    @property
+    def sequences(self):
+        return [delivery.sequence for delivery in self.deliveries]
+
+
+def test_everything_arrives_once_in_the_learner(sessions):
+    learner, client = sessions
+    store, rng = Store(), np.random.default_rng(0)
+    bodies = [samples.chunk(rng) for _ in range(40)]
+    with ExperienceServer(learner, "run", 5, store) as server, ExperienceSender(client, "run", "desk-0") as sender:
+        assert all(sender.send(body) for body in bodies)
+        assert sender.send(samples.report())
+        assert sender.flush(10)
+        assert sorted(store.sequences) == list(range(41))
+        assert server.stored == sender.acknowledged == 41
+        assert sender.pending == 0
+        assert sender.learner_present
+        assert sender.learner == 5
+        by_sequence = {delivery.sequence: delivery for delivery in store.deliveries}
+        for sequence, body in enumerate(bodies):
+            assert encode(by_sequence[sequence]) == encode(Delivery("desk-0", sender.incarnation, sequence, body))
+        assert by_sequence[40].body == samples.report()
+
+
+def test_the_same_sequence_is_stored_once_and_acknowledged_again(sessions):
+    learner, client = sessions
+    store = Store()
+    data = encode(samples.delivery(np.random.default_rng(0), 3))
+    with ExperienceServer(learner, "run", 5, store) as server:
+        for _ in range(3):
+            (reply,) = ask(client, "hd/run/experience/desk-0", 3.0, data)
+            assert decode(reply.ok.payload.to_bytes(), Ack) == Ack(3, True, 0.0, "", 5)
+        assert store.sequences == [3]
+        assert server.duplicates == 2
+        state = server.state()
+    with ExperienceServer(learner, "run", 6, store, state=state) as server:
+        (reply,) = ask(client, "hd/run/experience/desk-0", 3.0, data)
+        assert decode(reply.ok.payload.to_bytes(), Ack).stored
+        assert store.sequences == [3]
+        # Another incarnation of the actor counts from the start again.
+        other = encode(samples.delivery(np.random.default_rng(0), 3, incarnation=8))
+        ask(client, "hd/run/experience/desk-0", 3.0, other)
+        assert store.sequences == [3, 3]
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "needs 1 bytes"),
+        (b"junk", "must be a map"),
+        (pack({"v": 9, "kind": "delivery"}), "install the same release"),
+        (encode(samples.delivery(np.random.default_rng(0), actor="desk-1")), "as in the key"),
+        (encode(samples.weights()), "must be one of delivery"),
+    ],
+)
+def test_invalid_messages_are_refused_counted_and_change_nothing(sessions, caplog, data, words):
+    learner, client = sessions
+    store = Store()
+    with ExperienceServer(learner, "run", 5, store) as server:
+        (reply,) = ask(client, "hd/run/experience/desk-0", 3.0, data)
+        ack = decode(reply.err.payload.to_bytes(), Ack)
+        assert not ack.stored
+        assert words in ack.error
+        assert server.invalid == {"desk-0": 1}
+        assert "refused a message of desk-0" in caplog.text
+        assert store.deliveries == []
+        assert server.state() == {"streams": []}
+
+
+def test_a_refused_message_is_not_sent_again(sessions, caplog):
+    learner, client = sessions
+    broken = samples.chunk(np.random.default_rng(0))
+    broken.rewards[:] = np.nan
+    store = Store()
+    with ExperienceServer(learner, "run", 5, store), ExperienceSender(client, "run", "desk-0") as sender:
+        sender.send(broken)
+        sender.send(samples.report())
+        assert sender.flush(10)
+        assert (sender.refused, sender.acknowledged) == (1, 1)
+        assert "rewards: must be finite" in caplog.text
+
+
+def test_what_could_not_be_stored_is_sent_again(sessions, caplog):
+    learner, client = sessions
+    store = Store()
+    store.failures = 1
+    with ExperienceServer(learner, "run", 5, store), ExperienceSender(client, "run", "desk-0") as sender:
+        sender.send(samples.report())
+        assert sender.flush(10)
+        assert store.sequences == [0]
+        assert sender.acknowledged == 1
+    assert "could not be stored" in caplog.text
+
+
+def test_the_journal_gets_the_bytes_before_the_store(sessions):
+    learner, client = sessions
+    order = []
+
+    def store(delivery):
+        order.append(delivery.sequence)
+        return 0.0
+
+    data = encode(samples.delivery(np.random.default_rng(0), 3))
+    with ExperienceServer(learner, "run", 5, store, journal=order.append):
+        ask(client, "hd/run/experience/desk-0", 3.0, data)
+    assert order == [data, 3]
+
+
+def test_actors_are_told_to_pause(sessions):
+    learner, client = sessions
+    store = Store()
+    store.hold = 30.0
+    with ExperienceServer(learner, "run", 5, store), ExperienceSender(client, "run", "desk-0") as sender:
+        assert sender.hold == 0.0
+        sender.send(samples.report())
+        assert sender.flush(10)
+        assert 20.0 < sender.hold <= 30.0
+
+
+def test_a_snapshot_is_consistent_with_what_is_stored(sessions):
+    learner, client = sessions
+    store = Store()
+    with ExperienceServer(learner, "run", 5, store) as server, ExperienceSender(client, "run", "desk-0") as sender:
+        for _ in range(200):
+            sender.send(samples.report())
+        for _ in range(5):
+            with server.paused() as state:
+                held = len(store.deliveries)
+                time.sleep(0.02)
+                assert len(store.deliveries) == held
+                ranges = [bound for _, _, *bounds in state["streams"] for bound in bounds]
+                assert sum(ranges[1::2]) - sum(ranges[::2]) == held
+        assert sender.flush(10)
+
+
+def test_the_buffer_is_bounded_while_the_learner_is_away(caplog):
+    config = loopback()
+    store = Store()
+    with open_client_session(config) as client, ExperienceSender(client, "run", "desk-0", buffer=20) as sender:
+        assert all(sender.send(samples.report(), timeout=0) for _ in range(20))
+        assert not sender.send(samples.report(), timeout=0.1)
+        assert not sender.send(samples.report(), timeout=0)
+        assert sender.pending == 20
+        assert not sender.learner_present
+        assert caplog.text.count("the buffer is full") == 1
+        blocked = threading.Thread(target=sender.send, args=(samples.report(),))
+        blocked.start()
+        with open_learner_session(config) as learner, ExperienceServer(learner, "run", 5, store):
+            assert sender.flush(10)
+            blocked.join(5)
+            assert not blocked.is_alive()
+            assert sender.flush(10)
+        assert sorted(store.sequences) == list(range(21))
+
+
+def test_closing_gives_up_at_once_and_says_so(caplog):
+    with open_client_session(loopback()) as client:
+        sender = ExperienceSender(client, "run", "desk-0", buffer=1)
+        sender.send(samples.report())
+        blocked = threading.Thread(target=sender.send, args=(samples.report(),))
+        blocked.start()
+        sender.close()
+        sender.close()
+        blocked.join(5)
+        assert not blocked.is_alive()
+        assert not sender.send(samples.report())
+        assert not sender.flush(5)
+    assert "closed with 1 messages" in caplog.text
+
+
+def test_a_session_that_closes_first_ends_delivery():
+    client = open_client_session(loopback())
+    with ExperienceSender(client, "run", "desk-0") as sender:
+        client.close()
+        with contextlib.suppress(zenoh.ZError):
+            sender.send(samples.report())
+        assert not sender.flush(5)
+
+
+def test_no_more_than_the_window_is_ahead_of_the_oldest(sessions):
+    """A learner that never acknowledges the first message sees only the window."""
+    learner, client = sessions
+    came = set()
+
+    def answer(query):
+        with query:
+            delivery = decode(query.payload.to_bytes(), Delivery)
+            came.add(delivery.sequence)
+            ack = Ack(delivery.sequence, delivery.sequence != 1, 0.0, "", 5)
+            query.reply(query.key_expr, encode(ack))
+
+    queryable = learner.declare_queryable("hd/run/experience/*", zenoh.handlers.Callback(answer, indirect=False))
+    with ExperienceSender(client, "run", "desk-0", window=4) as sender:
+        for _ in range(20):
+            sender.send(samples.report())
+        assert eventually(lambda: sender.acknowledged == 4)
+        time.sleep(0.3)
+        assert came == {0, 1, 2, 3, 4}
+    queryable.undeclare()
+
+
+def test_clients_beyond_the_limit_are_turned_away_and_come_back(sessions):
+    """More waits than the learner takes: the others go unanswered and are sent again, nothing is lost."""
+    learner, client = sessions
+    store, gate = Store(), threading.Event()
+
+    def slow(delivery):
+        gate.wait(10)
+        return store(delivery)
+
+    with ExperienceServer(learner, "run", 5, slow) as server:
+        server._server._max_waiting = 2
+        with contextlib.ExitStack() as stack:
+            senders = [stack.enter_context(ExperienceSender(client, "run", f"desk-{i}")) for i in range(6)]
+            for sender in senders:
+                sender.send(samples.report())
+            assert eventually(lambda: server._server.turned_away > 0)
+            gate.set()
+            assert all(sender.flush(10) for sender in senders)
+        assert sorted(d.actor for d in store.deliveries) == [f"desk-{i}" for i in range(6)]

@@ -1,0 +1,94 @@
+import logging
+
+import pytest
+
+from common.bus.session import is_loopback, open_client_session, open_learner_session
+from common.bus.spec import SpecServer, fetch_spec, list_runs
+from common.config.schema import BusConfig
+from common.errors import BusError
+from common.messages.replies import Spec
+from tests.common.bus.processes import free_port, loopback
+
+
+def test_an_actor_may_start_before_its_learner():
+    config = loopback()
+    with open_client_session(config) as client, open_learner_session(config) as learner:
+        server = SpecServer(learner, Spec("office", 5, '{"seed": 3}'))
+        assert fetch_spec(client, "office", timeout=5).config == '{"seed": 3}'
+        server.close()
+
+
+def test_runs_on_the_bus_are_listed():
+    config = loopback()
+    with open_learner_session(config) as learner, open_client_session(config) as client:
+        assert list_runs(client, timeout=0.3) == []
+        with SpecServer(learner, Spec("b", 1, "{}")), SpecServer(learner, Spec("a", 2, "{}")):
+            assert [spec.run for spec in list_runs(client, timeout=5)] == ["a", "b"]
+
+
+def test_a_missing_learner_is_reported_with_what_to_check():
+    expected = "no learner of the run 'office' answered within 0.3 s"
+    with open_client_session(loopback()) as client, pytest.raises(BusError, match=expected):
+        fetch_spec(client, "office", timeout=0.3)
+
+
+def test_a_second_learner_on_the_same_port_is_told_so():
+    config = loopback()
+    with open_learner_session(config), pytest.raises(BusError, match="in use by another process"):
+        open_learner_session(config)
+
+
+@pytest.mark.parametrize(
+    "endpoint", ["127.0.0.1:7447", "tcp/127.0.0.1", "tcp/:80", "tcp/h:70000", "udp/h:1", "", "tcp/h:x"]
+)
+def test_malformed_endpoints_are_refused(endpoint):
+    with pytest.raises(BusError, match="an endpoint must be"):
+        open_learner_session(BusConfig(listen=endpoint))
+    with pytest.raises(BusError, match="an endpoint must be"):
+        open_client_session(BusConfig(), [endpoint])
+
+
+def test_an_endpoint_is_needed():
+    with pytest.raises(BusError, match="is needed"):
+        open_client_session(BusConfig(), [])
+
+
+def test_foreign_addresses_are_refused():
+    with pytest.raises(BusError, match="no address"):
+        open_learner_session(BusConfig(listen=f"tcp/192.0.2.1:{free_port()}"))
+
+
+def test_listening_beyond_loopback_without_tls_warns(caplog):
+    with caplog.at_level(logging.WARNING), open_learner_session(BusConfig(listen=f"tcp/0.0.0.0:{free_port()}")):
+        assert "without TLS" in caplog.text
+    caplog.clear()
+    with open_learner_session(loopback()):
+        assert not caplog.text
+
+
+def test_tls_files_must_exist():
+    files = {"tls_ca": "no/ca.pem", "tls_certificate": "no/a.pem", "tls_key": "no/a.key"}
+    with pytest.raises(BusError, match="tls_ca: no file 'no/ca.pem'"):
+        open_client_session(BusConfig(**files))
+    with pytest.raises(BusError, match="needs certificates"):
+        open_client_session(BusConfig(), ["tls/127.0.0.1:7447"])
+    with pytest.raises(BusError, match="tls_access needs"):
+        open_learner_session(BusConfig(listen=f"tcp/127.0.0.1:{free_port()}", tls_access="access.json"))
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "expected"),
+    [
+        ("tcp/127.0.0.1:1", True),
+        ("tcp/127.9.9.9:1", True),
+        ("tls/localhost:1", True),
+        ("tcp/[::1]:1", True),
+        ("unixsock-stream/tmp/x", True),
+        ("tcp/0.0.0.0:1", False),
+        ("tcp/[::]:1", False),
+        ("tcp/192.168.0.2:1", False),
+        ("tcp/gpu-host:1", False),
+    ],
+)
+def test_loopback(endpoint, expected):
+    assert is_loopback(endpoint) is expected
