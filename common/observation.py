@@ -152,6 +152,24 @@ class ObservationBatch:
             target_links=np.concatenate([o.target_links for o in observations]),
         )
 
+    def select(self, chosen: NDArray[np.bool_]) -> ObservationBatch:
+        """Return a batch of the observations where ``chosen``, bool, shape (k,), is True, in their order."""
+        rows = np.repeat(chosen, self.count)
+        return ObservationBatch(
+            count=self.count[chosen],
+            offsets=self.offsets[rows],
+            utility=self.utility[rows],
+            visited=self.visited[rows],
+            beacon=self.beacon[rows],
+            edges=self.edges[rows],
+            robot=self.robot[chosen],
+            has_target=self.has_target[chosen],
+            target_known=self.target_known[chosen],
+            target_offset=self.target_offset[chosen],
+            link_count=self.link_count[chosen],
+            target_links=self.target_links[np.repeat(chosen, self.link_count)],
+        )
+
     def __getitem__(self, index: int) -> Observation:
         """Return observation ``index`` as views into the columns."""
         first = int(self.count[:index].sum())

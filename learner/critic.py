@@ -32,18 +32,20 @@ class CriticHead(nn.Module):
 
     def forward(self, nodes: Tensor, batch: GraphBatch) -> Tensor:
         """Return Q of every pair of the batch, float32, shape (total pairs,)."""
-        waypoints = self._decode(nodes, batch, batch.waypoint_rows, batch.waypoint_graph, self.ask_waypoint)
+        kv = self.decoder.keys_values(nodes)
+        asking = self._join_robot(nodes, batch, batch.waypoint_rows, batch.waypoint_graph)
+        waypoints = self.decoder(self.ask_waypoint(asking), batch.arrays.waypoint_ptr, kv, batch)
         joined = self.join_waypoint(waypoints).index_select(0, batch.pair_waypoint)
         if self.ask_beacon is not None and self.join_beacon is not None:
-            beacons = self._decode(nodes, batch, batch.beacon_rows, batch.beacon_graph, self.ask_beacon)
+            asking = self._join_robot(nodes, batch, batch.beacon_rows, batch.beacon_graph)
+            beacons = self.decoder(self.ask_beacon(asking), batch.arrays.beacon_ptr, kv, batch)
             joined = joined + self.join_beacon(beacons).index_select(0, batch.pair_beacon)
         return self.value(functional.relu(joined)).squeeze(1).float()
 
-    def _decode(self, nodes: Tensor, batch: GraphBatch, rows: Tensor, owner: Tensor, ask: nn.Linear) -> Tensor:
+    @staticmethod
+    def _join_robot(nodes: Tensor, batch: GraphBatch, rows: Tensor, owner: Tensor) -> Tensor:
         robots = nodes.index_select(0, batch.robot_rows.index_select(0, owner))
-        queries = ask(torch.cat([nodes.index_select(0, rows), robots], dim=1))
-        ptr = batch.arrays.beacon_ptr if rows is batch.beacon_rows else batch.arrays.waypoint_ptr
-        return self.decoder(queries, ptr, nodes, batch)
+        return torch.cat([nodes.index_select(0, rows), robots], dim=1)
 
 
 class HierarchicalCritic(nn.Module):

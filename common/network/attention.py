@@ -58,9 +58,12 @@ class CrossAttention(nn.Module):
         self.kv = nn.Linear(width, 2 * width, bias=False)
         self.out = nn.Linear(width, width)
 
-    def forward(self, queries: Tensor, query_ptr: np.ndarray, nodes: Tensor, batch: GraphBatch) -> Tensor:
-        """Map queries (queries, d), grouped by observation by ``query_ptr`` (k + 1,), to (queries, d)."""
-        query, kv = self.query(queries), self.kv(nodes)
+    def forward(self, queries: Tensor, query_ptr: np.ndarray, kv: Tensor, batch: GraphBatch) -> Tensor:
+        """Map queries (queries, d), grouped by observation by ``query_ptr`` (k + 1,), to (queries, d).
+
+        ``kv`` are the nodes' keys and values, ``self.kv(nodes)``, so that several sets of queries can share them.
+        """
+        query = self.query(queries)
         if kv.device.type == "cpu":
             mixed: Tensor = _CrossAttentionCpu.apply(query, kv, query_ptr, batch, self.heads)  # type: ignore[no-untyped-call]
         else:

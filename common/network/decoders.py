@@ -27,9 +27,13 @@ class DecoderLayer(nn.Module):
         self.feedforward = FeedForward(config.width, config.feedforward)
         self.norm = nn.LayerNorm(config.width)
 
-    def forward(self, queries: Tensor, query_ptr: np.ndarray, nodes: Tensor, batch: GraphBatch) -> Tensor:
-        """Decode queries (queries, d), grouped by ``query_ptr`` (k + 1,), over encoded nodes (nodes, d)."""
-        queries = queries + self.attention(self.attention_norm(queries), query_ptr, nodes, batch)
+    def keys_values(self, nodes: Tensor) -> Tensor:
+        """Return keys and values of encoded nodes (nodes, d), side by side, shape (nodes, 2 d)."""
+        return self.attention.kv(nodes)
+
+    def forward(self, queries: Tensor, query_ptr: np.ndarray, kv: Tensor, batch: GraphBatch) -> Tensor:
+        """Decode queries (queries, d), grouped by ``query_ptr`` (k + 1,), over the nodes' `keys_values`."""
+        queries = queries + self.attention(self.attention_norm(queries), query_ptr, kv, batch)
         return self.norm(queries + self.feedforward(self.feedforward_norm(queries)))
 
 
@@ -59,7 +63,7 @@ class BeaconDecoder(nn.Module):
         """Return log π_b, shape (total beacons,), and the beacons' pointer features, (total beacons, d)."""
         one_each = np.arange(len(batch) + 1)
         robots = nodes.index_select(0, batch.robot_rows)
-        queries = self.pointer.query(self.decoder(robots, one_each, nodes, batch))
+        queries = self.pointer.query(self.decoder(robots, one_each, self.decoder.keys_values(nodes), batch))
         keys = self.pointer.key(nodes.index_select(0, batch.beacon_rows))
         logits = self.pointer(queries.index_select(0, batch.beacon_graph), keys)
         return segment_log_softmax(logits, batch.beacon_graph, len(batch)), keys
@@ -84,7 +88,8 @@ class WaypointDecoder(nn.Module):
         if self.hierarchical:
             robots = nodes.index_select(0, batch.robot_rows.index_select(0, batch.beacon_graph))
             asking = torch.cat([asking, robots], dim=1)
-        queries = self.decoder(self.join(asking), batch.arrays.beacon_ptr, nodes, batch)
+        kv = self.decoder.keys_values(nodes)
+        queries = self.decoder(self.join(asking), batch.arrays.beacon_ptr, kv, batch)
         queries = self.pointer.query(queries).index_select(0, batch.pair_beacon)
         keys = self.pointer.key(nodes.index_select(0, batch.waypoint_rows))
         logits = self.pointer(queries, keys.index_select(0, batch.pair_waypoint))

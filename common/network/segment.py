@@ -29,6 +29,13 @@ def segment_log_softmax(logits: Tensor, owner: Tensor, segments: int) -> Tensor:
     return shifted - total.log().index_select(0, owner)
 
 
+def segment_logsumexp(logits: Tensor, owner: Tensor, segments: int) -> Tensor:
+    """Return log Σ exp per segment, shape (segments,); -inf where a segment is empty."""
+    top = segment_max(logits, owner, segments)
+    shifted = logits - top.index_select(0, owner)
+    return segment_sum(shifted.exp(), owner, segments).log() + top
+
+
 def segment_argmax(values: Tensor, owner: Tensor, segments: int) -> Tensor:
     """Return the first item with the largest value per segment, int64, shape (segments,).
 

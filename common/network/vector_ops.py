@@ -33,7 +33,7 @@ def _dot(_typing_context: Any, a: Any, at_a: Any, b: Any, at_b: Any, size: Any) 
         product = builder.fmul(left, right, flags=("fast",))
         vector = ir.VectorType(_FLOAT, length)
         kind = ir.FunctionType(_FLOAT, [_FLOAT, vector])
-        reduce = builder.module.declare_intrinsic("llvm.vector.reduce.fadd", [vector], kind)
+        reduce = builder.module.declare_intrinsic(f"llvm.vector.reduce.fadd.v{length}f32", (), kind)
         return builder.call(reduce, [ir.Constant(_FLOAT, 0.0), product], fastmath=("fast",))
 
     return types.float32(a, at_a, b, at_b, size), generate

@@ -1,0 +1,157 @@
+"""The losses of hierarchical soft actor-critic, each a pure function (DESIGN, section 6; paper, section IV).
+
+All are exact sums over the pairs (b, a) of beacon and waypoint of each observation; see `GraphBatch` for slots and
+pairs. Observations without a pair (an end state) have value 0.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from common.network.graph_batch import GraphBatch
+from common.network.policy_network import PolicyOutput
+from common.network.segment import segment_argmax, segment_sum
+
+
+def joint_log_probability(output: PolicyOutput, batch: GraphBatch) -> Tensor:
+    """Return log π(b, a | o) = log π_b(b | o) + log π_a(a | o, b) of every pair, shape (total pairs,)."""
+    return output.log_beacon.index_select(0, batch.pair_beacon) + output.log_waypoint
+
+
+def waypoint_marginal(values: Tensor, output: PolicyOutput, batch: GraphBatch) -> Tensor:
+    """Return Σ_b π_b(b | o) x(b, a) of every waypoint slot, for values x of the pairs, shape (total waypoints,)."""
+    weights = output.log_beacon.exp().index_select(0, batch.pair_beacon)
+    return segment_sum(weights * values, batch.pair_waypoint, len(batch.waypoint_rows))
+
+
+def soft_value(
+    output: PolicyOutput, q: Tensor, alpha_beacon: Tensor, alpha_waypoint: Tensor, batch: GraphBatch
+) -> Tensor:
+    """V(o) = Σ_b π_b Σ_a π_a [Q(o, b, a) − α_b log π_b − α_a log π_a], shape (k,).
+
+    Args:
+        output: the policy on the batch.
+        q: min_i Q_i of every pair, shape (total pairs,).
+        alpha_beacon: α_b, a scalar.
+        alpha_waypoint: α_a, a scalar.
+        batch: the observations.
+    """
+    log_beacon = output.log_beacon.index_select(0, batch.pair_beacon)
+    surplus = q - alpha_beacon * log_beacon - alpha_waypoint * output.log_waypoint
+    weighted = (log_beacon + output.log_waypoint).exp() * surplus
+    return segment_sum(weighted, batch.pair_graph, len(batch))
+
+
+def critic_target(rewards: Tensor, terminal: Tensor, next_value: Tensor, gamma: float) -> Tensor:
+    """Y = r + γ (1 − d) V_target(o'), shape (k,); d is 1 at a terminal end alone, a time limit is bootstrapped."""
+    return rewards + gamma * torch.where(terminal, torch.zeros_like(next_value), next_value)
+
+
+def critic_loss(q: Tensor, target: Tensor, huber_delta: float | None) -> Tensor:
+    """Mean of (Q(o, b, a) − y)² over the transitions, or of its Huber form; 0 for no transition.
+
+    Args:
+        q: Q of the chosen pairs, shape (k,).
+        target: y, shape (k,), without gradient.
+        huber_delta: errors above it count linearly, with the same slope there as delta · |error| (the Huber loss,
+            ½ e² near zero); None for the square.
+    """
+    if q.numel() == 0:
+        return q.sum()
+    if huber_delta is None:
+        return functional.mse_loss(q, target)
+    return functional.huber_loss(q, target, delta=huber_delta)
+
+
+def policy_loss(
+    output: PolicyOutput, q: Tensor, alpha_beacon: Tensor, alpha_waypoint: Tensor, batch: GraphBatch
+) -> Tensor:
+    """J = mean over o of Σ_b π_b Σ_a π_a [α_b log π_b + α_a log π_a − min_i Q_i]; arguments as in `soft_value`."""
+    return -soft_value(output, q, alpha_beacon, alpha_waypoint, batch).mean()
+
+
+def entropies(output: PolicyOutput, batch: GraphBatch) -> tuple[Tensor, Tensor]:
+    """Return H_b = −Σ_b π_b log π_b and H_a = −Σ_b π_b Σ_a π_a log π_a of every observation, shape (k,) each."""
+    of_beacon = output.log_beacon.exp() * output.log_beacon
+    of_waypoint = joint_log_probability(output, batch).exp() * output.log_waypoint
+    return (
+        -segment_sum(of_beacon, batch.beacon_graph, len(batch)),
+        -segment_sum(of_waypoint, batch.pair_graph, len(batch)),
+    )
+
+
+def temperature_loss(log_alpha: Tensor, entropy: Tensor, choices: Tensor, fraction: float) -> Tensor:
+    """J(α) = mean of α (H − H̄) with H̄ = fraction · log(number of choices), over observations with a choice.
+
+    Too little entropy raises α, too much lowers it. An observation with a single choice has nothing to decide and
+    is left out; with none left the loss is 0.
+
+    Args:
+        log_alpha: log α, a scalar with gradient.
+        entropy: H of every observation, shape (k,).
+        choices: number of valid choices of every observation, shape (k,).
+        fraction: share of the largest possible entropy that is aimed at.
+    """
+    free = (choices > 1).float()
+    goal = fraction * choices.clamp(min=1).float().log()
+    gap = ((entropy.detach() - goal) * free).sum() / free.sum().clamp(min=1.0)
+    return log_alpha.exp() * gap
+
+
+def triplets(
+    scores: Tensor, best: Tensor, chance: Tensor, owner: Tensor, segments: int
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Choose anchor, positive and negative of every observation (Algorithm 2).
+
+    Args:
+        scores: the policy's probability of each choice, shape (items,); its best is the anchor.
+        best: the value of each choice by the (target) Q network; its best is the positive.
+        chance: random numbers in [0, 1), shape (items,); the largest among the other choices is the negative.
+        owner: observation of each choice, shape (items,).
+        segments: number k of observations.
+
+    Returns:
+        Indices of anchor, positive and negative, and whether the observation takes part, shape (k,) each. Those with
+        fewer than three choices do not, and their indices mean nothing (but are valid).
+    """
+    items = len(scores)
+    size = segment_sum(torch.ones_like(owner), owner, segments)
+    anchor = segment_argmax(scores, owner, segments).clamp(max=max(items - 1, 0))
+    positive = segment_argmax(best, owner, segments).clamp(max=max(items - 1, 0))
+    index = torch.arange(items, device=owner.device)
+    taken = (index == anchor.index_select(0, owner)) | (index == positive.index_select(0, owner))
+    others = torch.where(taken, torch.full_like(chance, -1.0), chance)
+    negative = segment_argmax(others, owner, segments).clamp(max=max(items - 1, 0))
+    return anchor, positive, negative, size >= 3
+
+
+def triplet_loss(
+    features: Tensor, anchor: Tensor, positive: Tensor, negative: Tensor, valid: Tensor, margin: float
+) -> Tensor:
+    """Mean of max(0, |f_â − f_a⁺| − |f_â − f_a⁻| + m) over the valid triplets (Algorithm 2); 0 without one.
+
+    Features are compared as unit vectors, so that the margin means the same for every width; distances are Euclidean.
+
+    Args:
+        features: decoded features, shape (items, d).
+        anchor: item of each triplet's anchor, shape (k,).
+        positive: item of its positive, shape (k,).
+        negative: item of its negative, shape (k,).
+        valid: triplets that count, bool, shape (k,).
+        margin: m.
+    """
+    if features.shape[0] == 0:
+        return features.sum()
+    unit = functional.normalize(features.float(), dim=1)
+    here = unit.index_select(0, anchor)
+    near = _distance(here, unit.index_select(0, positive))
+    far = _distance(here, unit.index_select(0, negative))
+    hinge = functional.relu(near - far + margin)
+    return (hinge * valid).sum() / valid.sum().clamp(min=1)
+
+
+def _distance(a: Tensor, b: Tensor) -> Tensor:
+    """Euclidean distance of rows; the small term keeps its gradient finite where they are equal."""
+    return ((a - b).square().sum(1) + 1e-12).sqrt()
