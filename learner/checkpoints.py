@@ -50,12 +50,15 @@ class CheckpointStore:
     Args:
         folder: made when missing.
         keep: newest checkpoints to keep.
+        writer: make the folder, and remove what a killed writer left unfinished; False beside a running learner.
     """
 
-    def __init__(self, folder: Path, keep: int) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
+    def __init__(self, folder: Path, keep: int, *, writer: bool = True) -> None:
         self.folder = folder
         self._keep = keep
+        if not writer:
+            return
+        folder.mkdir(parents=True, exist_ok=True)
         for leftover in folder.glob(".*.tmp"):
             shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
 

@@ -229,8 +229,7 @@ class Replay:
             key = (*episode, chunk.first_step + chunk.steps)
             later = self._starts.pop(key, None)
             if later is None:
-                self._ends[key] = last
-                self._key_of_end[last] = key
+                self._note(self._ends, self._key_of_end, key, last)
             else:
                 del self._key_of_start[later]
                 self._join(last, later)
@@ -238,11 +237,19 @@ class Replay:
             key = (*episode, chunk.first_step)
             earlier = self._ends.pop(key, None)
             if earlier is None:
-                self._starts[key] = first
-                self._key_of_start[first] = key
+                self._note(self._starts, self._key_of_start, key, first)
             else:
                 del self._key_of_end[earlier]
                 self._join(earlier, first)
+
+    @staticmethod
+    def _note(open_ends: dict[StepKey, int], keys: dict[int, StepKey], key: StepKey, number: int) -> None:
+        """Note an open end; a confused actor may have sent the same step under two sequence numbers."""
+        replaced = open_ends.get(key)
+        if replaced is not None:
+            del keys[replaced]
+        open_ends[key] = number
+        keys[number] = key
 
     def _join(self, step: int, successor: int) -> None:
         self._columns.successor[step % self._slots] = successor

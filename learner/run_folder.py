@@ -111,11 +111,12 @@ class RunFolder:
         """File of the finished episodes."""
         return self.path / "episodes.jsonl"
 
-    def reconfigure(self, config: RunConfig, update: int) -> None:
-        """Replace the configuration of a resumed run; the one before is kept as `config.until-<update>.json`."""
+    def reconfigure(self, config: RunConfig) -> None:
+        """Replace the configuration of a resumed run; the one before is kept as `config.<number>.json`."""
         if config == self.config:
             return
-        replace_text(self.path / f"config.until-{update:09d}.json", self.config.model_dump_json(indent=2) + "\n")
+        number = 1 + len(list(self.path.glob("config.*.json")))
+        replace_text(self.path / f"config.{number}.json", self.config.model_dump_json(indent=2) + "\n")
         replace_text(self.path / "config.json", config.model_dump_json(indent=2) + "\n")
         self.config = config
 

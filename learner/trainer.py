@@ -7,7 +7,7 @@ import math
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any, Protocol
 
@@ -33,6 +33,8 @@ logger = logging.getLogger(__name__)
 
 LOG_EVERY = 10
 """Updates between two points of the curves."""
+EXPORT_PREFIX = "export."
+"""Tensors of a checkpoint under this prefix are the policy for robots and evaluation; resuming needs them not."""
 _WAIT_SECONDS = 0.2
 _REMEMBERED_VERSIONS = 4096
 
@@ -43,14 +45,14 @@ class Algorithm(Protocol):
     """What the loop needs of the mathematics; `learner.sac.SacLearner` is one."""
 
     def update(self, batch: TransitionBatch) -> dict[str, float]:
-        """Learn from one batch; return losses and other figures by name."""
+        """Learn from one batch; return losses and other figures by their TensorBoard names."""
         ...
 
     def state(self) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
         """Return everything that resuming needs: named tensors, and plain values."""
         ...
 
-    def restore(self, state: tuple[Mapping[str, torch.Tensor], Mapping[str, Any]]) -> None:
+    def restore(self, tensors: dict[str, torch.Tensor], values: dict[str, Any]) -> None:
         """Take over what `state` returned."""
         ...
 
@@ -106,6 +108,7 @@ class Trainer:
         self.losses: dict[str, float] = {}
         """Newest means of what an update reports."""
         self.updates_rate = RateMeter(window=20.0)
+        self._figures = Means()
         self._means = Means()
         self._began = time.monotonic()
         self._checkpoint_at = 0.0
@@ -137,7 +140,8 @@ class Trainer:
             document = checkpoint.document
             updates = int(document["updates"])
             snapshot = document["ingest"]
-            self.algorithm.restore((checkpoint.tensors, document["algorithm"]))
+            tensors = {k: v for k, v in checkpoint.tensors.items() if not k.startswith(EXPORT_PREFIX)}
+            self.algorithm.restore(tensors, document["algorithm"])
             self._rng.bit_generator.state = document["rng"]
             self._open_records(int(snapshot["episodes_length"]), updates)
             self.ingest.rebuild(snapshot, updates)
@@ -212,7 +216,7 @@ class Trainer:
             )
         self.keeper.note_update()
         self.updates_rate.add()
-        self._means.add({f"train/{name}": value for name, value in figures.items()})
+        self._figures.add(figures)
         self._means.add({"time/update_ms": 1e3 * (time.perf_counter() - began)})
 
     def publish(self) -> None:
@@ -254,16 +258,22 @@ class Trainer:
         self._checkpoint_wanted.clear()
         snapshot = self.ingest.snapshot()
         self.ingest.sync()
+        updates = self.keeper.updates
         tensors, document = self.algorithm.state()
+        for_export = self.algorithm.policy_weights(averaged=bool(self.config.learner.average_decay))
+        card = asdict(self.card(snapshot["version"], updates))
         folder = self.checkpoints.save(
-            self.keeper.updates,
-            tensors,
+            updates,
             {
-                "updates": self.keeper.updates,
+                **tensors,
+                **{EXPORT_PREFIX + name: torch.from_numpy(np.array(array)) for name, array in for_export.items()},
+            },
+            {
+                "updates": updates,
                 "algorithm": document,
                 "rng": self._rng.bit_generator.state,
                 "ingest": snapshot,
-                "saved": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+                "policy": {name: value for name, value in card.items() if name not in ("network", "mapping")},
             },
         )
         self.ingest.forget_before(self._oldest_place())
@@ -389,12 +399,10 @@ class Trainer:
 
     def _record(self) -> None:
         updates = self.keeper.updates
-        means = self._means.take()
-        self.losses = {
-            name.removeprefix("train/"): value for name, value in means.items() if name.startswith("train/")
-        } or self.losses
+        self.losses = self._figures.take() or self.losses
         values = {
-            **means,
+            **self.losses,
+            **self._means.take(),
             **self.ingest.means.take(),
             "collect/steps": self.keeper.steps,
             "collect/steps_per_second": self.ingest.steps_rate.rate,

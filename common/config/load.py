@@ -22,7 +22,7 @@ from common.errors import ConfigError
 
 ENVIRONMENT_PREFIX = "HD_"
 # Variables with our prefix that are no settings of a run.
-RESERVED_VARIABLES = frozenset({"HD_LOG_LEVEL"})
+RESERVED_VARIABLES = frozenset({"HD_LOG_LEVEL", "HD_PROCESS_PREPARED"})
 
 Source = tuple[str, str]  # where a value came from, and its raw text
 

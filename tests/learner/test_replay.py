@@ -177,6 +177,17 @@ def test_the_same_deliveries_and_seed_give_the_same_samples_from_any_start():
     assert np.array_equal(one.observations.edges, other.observations.edges)
 
 
+def test_a_confused_actor_that_repeats_steps_does_no_harm():
+    rng = np.random.default_rng(8)
+    replay = Replay(capacity=100, max_bytes=1_000_000)
+    for sequence in range(200):
+        first, second = episode_chunks(rng, POOL, 8, 4, End.NONE)
+        replay.add(Delivery("a", 1, 2 * sequence, second if sequence % 3 else first))
+        replay.add(Delivery("a", 1, 2 * sequence + 1, second))
+        assert 0 < len(replay) <= 100
+    assert replay.sample(64, rng).next_valid.all()
+
+
 def test_reports_are_no_experience_and_an_empty_buffer_says_so():
     replay = Replay(capacity=100, max_bytes=1_000_000)
     assert replay.add(deliver([episode_report()])[0]) == 0

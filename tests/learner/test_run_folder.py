@@ -73,10 +73,10 @@ def test_a_changed_configuration_keeps_the_one_before(tmp_path):
     config = RunConfig(name="a")
     with RunFolder.create(tmp_path, config) as run:
         changed = config.model_copy(update={"learner": LearnerConfig(total_updates=5)})
-        run.reconfigure(config, 10)
-        assert not list(run.path.glob("config.until-*"))
-        run.reconfigure(changed, 10)
-        before = json.loads((run.path / "config.until-000000010.json").read_text())
+        run.reconfigure(config)
+        assert not list(run.path.glob("config.*.json"))
+        run.reconfigure(changed)
+        before = json.loads((run.path / "config.1.json").read_text())
         assert before["learner"]["total_updates"] == 20_000
     with RunFolder.open(tmp_path, "a") as run:
         assert run.config.learner.total_updates == 5

@@ -1,0 +1,5 @@
+"""`python -m learner` is `hd-learner`."""
+
+from learner.cli import app
+
+app()

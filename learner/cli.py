@@ -1,0 +1,244 @@
+"""The command `hd-learner`."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from common.cli import command_errors
+from common.config.describe import to_markdown, to_toml
+from common.config.load import load_config, preset_names
+from common.config.schema import RunConfig
+from common.errors import ConfigError
+from common.logs import setup_logging
+from common.runtime import restart_prepared
+from learner.remote_cli import add_remote_commands
+
+app = typer.Typer(
+    name="hd-learner",
+    help="The learner: collects experience from actors over the bus, trains the planner, and hands out its policy.",
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+RUNS = Path("runs")
+
+RunName = Annotated[str | None, typer.Option("--run", help="Name of the run.", metavar="NAME")]
+RunsFolder = Annotated[Path, typer.Option("--runs", help="Folder that holds all runs.", metavar="FOLDER")]
+ConfigFile = Annotated[Path | None, typer.Option("--config", help="TOML or JSON file with settings.", metavar="FILE")]
+Preset = Annotated[
+    str | None,
+    typer.Option("--preset", help=f"Shipped settings to build upon: {', '.join(preset_names())}.", metavar="NAME"),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="Change one setting; may be repeated.", metavar="SECTION.FIELD=VALUE"),
+]
+Listen = Annotated[
+    str | None,
+    typer.Option("--listen", help="Endpoint to listen on, such as tcp/0.0.0.0:7447 (bus.listen).", metavar="ENDPOINT"),
+]
+Simulator = Annotated[
+    str | None,
+    typer.Option("--sim", help="Simulator of actors: pybullet or grid (simulator.name).", metavar="NAME"),
+]
+Actors = Annotated[int, typer.Option("--actors", min=0, help="Actors to start on this machine.", metavar="N")]
+Evaluators = Annotated[
+    int,
+    typer.Option("--evaluators", min=0, help="Evaluating actors to start here; they choose the best.", metavar="N"),
+]
+Serial = Annotated[bool, typer.Option("--serial", help="Learner and one actor in one process, without a network.")]
+LogLevel = Annotated[str | None, typer.Option("--log-level", help="debug, info, warning or error.", metavar="LEVEL")]
+
+
+@app.command()
+@command_errors
+def start(
+    run: RunName = None,
+    config: ConfigFile = None,
+    preset: Preset = None,
+    overrides: Overrides = None,
+    listen: Listen = None,
+    actors: Actors = 0,
+    evaluators: Evaluators = 0,
+    sim: Simulator = None,
+    serial: Serial = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Delete a run of the same name first.")] = False,
+    runs: RunsFolder = RUNS,
+    log_level: LogLevel = None,
+) -> None:
+    """Start a new run.
+
+    Examples:
+    - `hd-learner start --actors 2` trains on this machine alone.
+
+    - `hd-learner start --run office --preset workstation --set maps.train=generator:office`
+
+    - `hd-learner start --listen tcp/0.0.0.0:7447` waits for `hd-actor --connect tcp/HOST:7447` on other machines.
+    """
+    restart_prepared()
+    resolved = load_config(config, _all_overrides(overrides, run, listen, sim), os.environ, preset)
+    _run(resolved, runs, actors, evaluators, serial=serial, resume=False, overwrite=overwrite, log_level=log_level)
+
+
+@app.command()
+@command_errors
+def resume(
+    run: RunName = None,
+    overrides: Overrides = None,
+    listen: Listen = None,
+    actors: Actors = 0,
+    evaluators: Evaluators = 0,
+    sim: Simulator = None,
+    serial: Serial = False,
+    runs: RunsFolder = RUNS,
+    log_level: LogLevel = None,
+) -> None:
+    """Continue a run from its newest sound checkpoint and everything that was acknowledged since.
+
+    Examples:
+    - `hd-learner resume --run office --actors 2`
+
+    - `hd-learner resume --run office --set learner.total_updates=40000` goes on beyond its first goal.
+    """
+    from learner.run_folder import check_run
+
+    restart_prepared()
+    name = run or RunConfig().name
+    check_run(runs / name)
+    resolved = load_config(runs / name / "config.json", _all_overrides(overrides, None, listen, sim), os.environ)
+    if resolved.name != name:
+        raise ConfigError(f"run {name!r} cannot be renamed to {resolved.name!r}: leave HD_NAME and --set name out")
+    _run(resolved, runs, actors, evaluators, serial=serial, resume=True, overwrite=False, log_level=log_level)
+
+
+@app.command()
+@command_errors
+def config(
+    config: ConfigFile = None,
+    preset: Preset = None,
+    overrides: Overrides = None,
+    run: RunName = None,
+    describe: Annotated[bool, typer.Option("--describe", help="Explain every setting instead (Markdown).")] = False,
+) -> None:
+    """Print the resolved configuration as TOML, which `--config` reads back.
+
+    Examples:
+    - `hd-learner config --preset workstation --set learner.batch_size=32 > run.toml`
+
+    - `hd-learner config --describe | less`
+    """
+    if describe:
+        typer.echo(to_markdown())
+    else:
+        typer.echo(to_toml(load_config(config, _all_overrides(overrides, run, None, None), os.environ, preset)))
+
+
+@app.command()
+@command_errors
+def export(
+    out: Annotated[Path | None, typer.Option("--out", help="File to write; NAME.safetensors.", metavar="FILE")] = None,
+    run: RunName = None,
+    which: Annotated[str, typer.Option("--which", help="best, last, or the name of a checkpoint.")] = "best",
+    runs: RunsFolder = RUNS,
+) -> None:
+    """Write the policy of a run as safetensors, beside a JSON card that says what it is.
+
+    The weights are the moving average of training. Works while the learner runs.
+
+    Examples:
+    - `hd-learner export --run office` writes the best evaluated policy to office.safetensors and office.json.
+
+    - `hd-learner export --run office --which last --out policies/office-now.safetensors`
+    """
+    from learner.export import export_policy
+
+    name = run or RunConfig().name
+    path = out or Path(f"{name}.safetensors")
+    card = export_policy(runs / name, which, path)
+    figures = "not evaluated"
+    if card.evaluation is not None:
+        figures = f"{card.evaluation['success']:.0%} complete, {card.evaluation['distance']:.1f} m in evaluation"
+    typer.echo(f"{path}: {card.task} policy, version {card.version}, {card.updates} updates, {figures}")
+
+
+@app.command()
+@command_errors
+def certificates(
+    folder: Annotated[Path, typer.Argument(help="Where the files go.", metavar="FOLDER")] = Path("pki"),
+    host: Annotated[
+        list[str] | None, typer.Option("--host", help="Name or address of the learner's machine; may be repeated.")
+    ] = None,
+    actor: Annotated[
+        list[str] | None, typer.Option("--actor", help="Host of actors, as in their names; may be repeated.")
+    ] = None,
+    robot: Annotated[list[str] | None, typer.Option("--robot", help="Name of a robot; may be repeated.")] = None,
+) -> None:
+    """Make an own authority and one certificate for the learner, each actor host and each robot.
+
+    Examples:
+    - `hd-learner certificates pki --host 192.168.1.5 --actor desk --actor rack --robot jackal`
+
+    - `hd-learner start --listen tls/0.0.0.0:7447 --set bus.tls_ca=pki/ca.pem --set bus.tls_certificate=pki/learner.pem
+      --set bus.tls_key=pki/learner.key --set bus.tls_access=pki/access.json`
+    """
+    from learner.certificates import write_pki
+
+    for path in write_pki(folder, host or [], actor or [], robot or []):
+        typer.echo(str(path))
+
+
+def _all_overrides(overrides: list[str] | None, run: str | None, listen: str | None, sim: str | None) -> list[str]:
+    """Put the short options behind the --set ones, since they are the more specific."""
+    short = {"name": run, "bus.listen": listen, "simulator.name": sim}
+    return [*(overrides or []), *(f"{path}={value}" for path, value in short.items() if value is not None)]
+
+
+def _run(
+    config: RunConfig,
+    runs: Path,
+    actors: int,
+    evaluators: int,
+    *,
+    serial: bool,
+    resume: bool,
+    overwrite: bool,
+    log_level: str | None,
+) -> None:
+    if serial and (actors or evaluators):
+        raise ConfigError("--serial runs one actor in the learner's own process: leave --actors and --evaluators out")
+    console = Console(stderr=True)
+    setup_logging(log_level, console=console if console.is_terminal else None)
+    # Imported here, so that help and errors of the configuration come at once: torch takes seconds.
+    from learner.run_folder import RunFolder
+
+    folder = RunFolder.open(runs, config.name) if resume else RunFolder.create(runs, config, overwrite=overwrite)
+    with folder:
+        if resume:
+            folder.reconfigure(config)
+        if serial:
+            from learner.serial import run_serial
+
+            run_serial(folder, console, resume=resume)
+        else:
+            from learner.process import Companions, run_learner
+
+            run_learner(folder, Companions(actors, evaluators), console, resume=resume)
+
+
+add_remote_commands(app)
+
+
+def main() -> None:
+    """Run the command; the entry point `hd-learner`."""
+    app()
+
+
+if __name__ == "__main__":
+    main()

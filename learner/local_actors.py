@@ -1,0 +1,108 @@
+"""Actors that a learner starts on its own machine: separate processes of the command `hd-actor`."""
+
+from __future__ import annotations
+
+import logging
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Self
+
+from common.config.schema import BusConfig
+from common.errors import ConfigError
+from common.runtime import process_environment
+
+logger = logging.getLogger(__name__)
+actor_log = logging.getLogger("actors")
+
+STOP_SECONDS = 4.0
+
+
+def local_endpoint(listen: str) -> str:
+    """Endpoint under which this machine reaches a learner that listens on ``listen``."""
+    for anywhere in ("/0.0.0.0:", "/[::]:"):
+        listen = listen.replace(anywhere, "/127.0.0.1:")
+    return listen
+
+
+class LocalActors:
+    """One `hd-actor` command with several actors; it ends with this process, whatever happens to that.
+
+    Its output appears in our log, line by line. When it ends by itself, the log says so and training goes on.
+
+    Args:
+        bus: of the run.
+        run: name of the run.
+        number: of actors.
+        prefix: of their names.
+        options: further options of `hd-actor`.
+
+    Raises:
+        ConfigError: when the bus uses certificates, since each actor needs its own.
+    """
+
+    def __init__(
+        self, bus: BusConfig, run: str, number: int, prefix: str = "local", options: Sequence[str] = ()
+    ) -> None:
+        if bus.tls_ca is not None:
+            raise ConfigError(
+                "local actors (--actors) have no certificates of their own: with TLS start them with `hd-actor` and "
+                "their certificate"
+            )
+        command = [sys.executable, "-m", "actors", "--num", str(number), "--connect", local_endpoint(bus.listen)]
+        command += ["--run", run, "--name", prefix, *options]
+        self._number = number
+        self._stopping = False
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "learner.tethered", str(os.getpid()), *command],
+            env=process_environment(threads=1),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            start_new_session=True,  # Ctrl-C reaches us alone, and we stop it in order
+        )
+        self._reader = threading.Thread(target=self._read, name="local actors", daemon=True)
+        self._reader.start()
+        logger.info("started %d local actors (process %d)", number, self._process.pid)
+
+    @property
+    def alive(self) -> bool:
+        """Whether the command still runs."""
+        return self._process.poll() is None
+
+    def close(self) -> None:
+        """Stop the actors: kindly, and after a few seconds outright. Safe to call twice."""
+        self._stopping = True
+        if self.alive:
+            self._process.terminate()
+            try:
+                self._process.wait(STOP_SECONDS)
+            except subprocess.TimeoutExpired:
+                logger.warning("the local actors did not stop within %.0f s and are killed", STOP_SECONDS)
+                self._process.kill()
+                self._process.wait()
+        self._reader.join(1.0)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        with self._process.stdout as lines:
+            for line in lines:
+                if line.strip():
+                    actor_log.info("%s", line.rstrip())
+        code = self._process.wait()
+        if not self._stopping:
+            level = logging.ERROR if code else logging.INFO
+            logger.log(level, "the local actors have ended with exit code %d; training waits for others", code)

@@ -1,0 +1,192 @@
+"""The learner process: bus, ingest, training, view and local actors, put together and taken apart in order."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import signal
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import FrameType
+from typing import Self
+
+import zenoh
+from rich.console import Console
+
+from common.bus.control import ControlServer
+from common.bus.experience import ExperienceServer
+from common.bus.liveness import PresenceWatcher, declare_presence
+from common.bus.session import new_incarnation, open_learner_session
+from common.bus.spec import SpecServer
+from common.bus.stats import StatsTable, publish_stats
+from common.bus.weights import WeightsPublisher
+from common.messages.replies import Spec
+from common.messages.weights import Weights
+from common.runtime import limit_threads
+from learner.control import Control
+from learner.device import choose_device
+from learner.local_actors import LocalActors
+from learner.loop import train
+from learner.report import Reporter
+from learner.run_folder import RunFolder
+from learner.sac import SacLearner
+from learner.status import LearnerStatus
+from learner.trainer import PublishedVersion, Trainer
+from learner.view import View
+
+logger = logging.getLogger(__name__)
+
+LEARNER = "learner"
+STATS_SECONDS = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Companions:
+    """Actors to start beside the learner.
+
+    Attributes:
+        actors: number that collect experience.
+        evaluators: number that evaluate published versions.
+        options: further options of `hd-actor`.
+    """
+
+    actors: int = 0
+    evaluators: int = 0
+    options: tuple[str, ...] = ()
+
+
+class Link:
+    """The learner's side of the bus: everything that is declared there, closed together.
+
+    Args:
+        session: an open session.
+        trainer: begun or resumed; deliveries arrive from here on.
+        publisher: of weights.
+        learner: incarnation of this process.
+        reporter: makes status records.
+    """
+
+    def __init__(self, session: zenoh.Session, trainer: Trainer, learner: int, reporter: Reporter) -> None:
+        run, config = trainer.config.name, trainer.config
+        self._trainer = trainer
+        self._session = session
+        self._reporter = reporter
+        self._stack = contextlib.ExitStack()
+        enter = self._stack.enter_context
+        self._presence = enter(PresenceWatcher(session, run))
+        self._stats = enter(StatsTable(session, run))
+        self._server = enter(
+            ExperienceServer(
+                session,
+                run,
+                learner,
+                trainer.ingest.store,
+                journal=trainer.ingest.keep_raw,
+                state=trainer.ingest.seen_state,
+            )
+        )
+        enter(ControlServer(session, run, Control(trainer, self.status)))
+        enter(SpecServer(session, Spec(run, learner, config.model_dump_json())))
+        enter(declare_presence(session, run, "learner", LEARNER))
+        self._closed = threading.Event()
+        self._ticker = threading.Thread(target=self._tick, name="learner stats", daemon=True)
+        self._ticker.start()
+
+    def status(self) -> LearnerStatus:
+        """Describe the learner and everybody on the bus."""
+        return self._reporter.status(self._presence.present(), self._stats.rows(), self._server.invalid.total())
+
+    def close(self) -> None:
+        """Take everything off the bus; safe to call twice."""
+        self._closed.set()
+        self._ticker.join()
+        self._stack.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _tick(self) -> None:
+        while not self._closed.wait(STATS_SECONDS):
+            stats = self._reporter.learner_stats(self.status())
+            publish_stats(self._session, self._trainer.config.name, "learner", LEARNER, stats)
+
+
+def run_learner(run: RunFolder, companions: Companions, console: Console, *, resume: bool) -> None:
+    """Train the run in ``run`` until it is complete or told to stop.
+
+    Args:
+        run: the run's folder.
+        companions: actors to start beside it.
+        console: shared by log and view.
+        resume: continue from its newest checkpoint.
+
+    Raises:
+        HDError: when the bus cannot be joined, the run cannot be continued, or training diverges.
+    """
+    config = run.config
+    limit_threads(config.learner.threads)
+    learner = new_incarnation()
+    with contextlib.ExitStack() as stack:
+        # The bus comes first: a port that is taken is found before the networks are made.
+        session = stack.enter_context(open_learner_session(config.bus))
+        publisher = stack.enter_context(WeightsPublisher(session, config.name))
+
+        def publish(version: PublishedVersion) -> None:
+            newest = Weights.of(version.weights, learner=learner, version=version.version, updates=version.updates)
+            averaged = None
+            if version.averaged is not None:
+                averaged = Weights.of(
+                    version.averaged, learner=learner, version=version.version, updates=version.updates, averaged=True
+                )
+            publisher.publish(newest, averaged)
+
+        algorithm = SacLearner(config, choose_device(config.learner.device))
+        trainer = Trainer(run, algorithm, publish)
+        stack.callback(trainer.close)
+        if resume:
+            trainer.resume()
+        else:
+            trainer.begin()
+        reporter = Reporter(trainer, str(algorithm.device), config.bus.listen)
+        link = stack.enter_context(Link(session, trainer, learner, reporter))
+        logger.info("run %s listens on %s", config.name, config.bus.listen)
+        for local in _local_actors(run, companions):
+            stack.enter_context(local)
+        stack.enter_context(View(link.status, console))
+        with stop_signals(trainer):
+            train(trainer)
+        words = "is complete" if trainer.complete else "was stopped"
+        logger.info("run %s %s after %d updates", config.name, words, trainer.keeper.updates)
+
+
+def _local_actors(run: RunFolder, companions: Companions) -> list[LocalActors]:
+    bus, name = run.config.bus, run.config.name
+    started = []
+    if companions.actors:
+        started.append(LocalActors(bus, name, companions.actors, "local", companions.options))
+    if companions.evaluators:
+        options = ["--evaluate", *companions.options]
+        started.append(LocalActors(bus, name, companions.evaluators, "local", options))
+    return started
+
+
+@contextlib.contextmanager
+def stop_signals(trainer: Trainer) -> Iterator[None]:
+    """Let SIGINT and SIGTERM stop training in order; a second SIGINT interrupts at once."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        del frame
+        if trainer.stopping and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        trainer.stop()
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
