@@ -1,0 +1,1 @@
+"""Simulated worlds: `grid`, and `pybullet` in kinematic and dynamic fidelity."""

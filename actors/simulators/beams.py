@@ -21,7 +21,7 @@ class BeamPattern:
         self.noise = noise
         self.angle_min = -np.pi
         self.angle_increment = 2.0 * np.pi / rays
-        self.angles: NDArray[np.float64] = self.angle_min + self.angle_increment * np.arange(rays)
+        self.angles: NDArray[np.float64] = self.angle_min + self.angle_increment * np.arange(rays, dtype=np.float64)
         self._longest = float(np.nextafter(np.float32(range_max), np.float32(0.0)))
         self._random = np.random.default_rng([_LIDAR_STREAM, 0])
 

@@ -6,7 +6,11 @@ import contextlib
 import ctypes
 import os
 import sys
+import threading
 from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
 
 from common.errors import SimulatorError
 
@@ -29,7 +33,14 @@ def _native_stderr_closed() -> Iterator[None]:
 with _native_stderr_closed():
     import pybullet
 
-__all__ = ["connect", "disconnect", "pybullet"]
+__all__ = ["collision_mesh", "connect", "disconnect", "pybullet", "visual_mesh"]
+
+# PyBullet never lets go of the vertex lists that it was given. So all meshes of a process go through these: what
+# leaks is a count of references, not memory.
+_lock = threading.Lock()
+_vertex_pool: list[list[float]] = []
+_vertices: list[list[float]] = []
+_indices: list[int] = []
 
 
 def connect(gui: bool) -> int:
@@ -54,6 +65,57 @@ def connect(gui: bool) -> int:
 
 
 _NO_WINDOW = "PyBullet could not open a window: it allows one per process; close the other, or leave --gui out"
+
+
+def collision_mesh(client: int, vertices: NDArray[np.float64], indices: NDArray[np.integer]) -> int:
+    """Make a concave triangle mesh to collide with and return its shape number, negative when PyBullet refuses.
+
+    Args:
+        client: physics client.
+        vertices: metres, shape (n, 3).
+        indices: three per triangle, flat.
+    """
+    with _lock:
+        _fill(vertices, indices)
+        return int(
+            pybullet.createCollisionShape(
+                pybullet.GEOM_MESH,
+                vertices=_vertices,
+                indices=_indices,
+                flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
+                physicsClientId=client,
+            )
+        )
+
+
+def visual_mesh(
+    client: int,
+    vertices: NDArray[np.float64],
+    indices: NDArray[np.integer],
+    colour: tuple[float, float, float, float],
+) -> int:
+    """Make a triangle mesh to look at, RGBA ``colour``; otherwise as `collision_mesh`."""
+    with _lock:
+        _fill(vertices, indices)
+        return int(
+            pybullet.createVisualShape(
+                pybullet.GEOM_MESH,
+                vertices=_vertices,
+                indices=_indices,
+                rgbaColor=colour,
+                specularColor=(0.1, 0.1, 0.1),
+                physicsClientId=client,
+            )
+        )
+
+
+def _fill(vertices: NDArray[np.float64], indices: NDArray[np.integer]) -> None:
+    missing = len(vertices) - len(_vertex_pool)
+    _vertex_pool.extend([0.0, 0.0, 0.0] for _ in range(missing))
+    for slot, vertex in zip(_vertex_pool, vertices.tolist(), strict=False):
+        slot[:] = vertex
+    _vertices[:] = _vertex_pool[: len(vertices)]
+    _indices[:] = indices.tolist()
 
 
 def disconnect(client: int) -> None:

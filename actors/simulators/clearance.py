@@ -17,10 +17,9 @@ def clearance(world: GridMap, position: tuple[float, float], reach: float) -> fl
     span = int(np.ceil(reach / resolution)) + 1
     rows = np.arange(row - span, row + span + 1)
     columns = np.arange(column - span, column + span + 1)
-    inside = (
-        ((rows >= 0) & (rows < world.free.shape[0]))[:, None]
-        & ((columns >= 0) & (columns < world.free.shape[1]))[None, :]
-    )
+    inside = ((rows >= 0) & (rows < world.free.shape[0]))[:, None] & ((columns >= 0) & (columns < world.free.shape[1]))[
+        None, :
+    ]
     occupied = np.ones(inside.shape, dtype=np.bool_)
     occupied[inside] = ~world.free[np.ix_(rows[inside.any(1)], columns[inside.any(0)])].ravel()
     left = world.origin[0] + columns * resolution - position[0]

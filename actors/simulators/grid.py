@@ -74,9 +74,7 @@ class GridSimulator:
     def _scan_at(self, pose: Pose) -> Scan:
         world = self._loaded()
         angles = self._beams.angles + pose.yaw
-        ranges = cast_rays(
-            world.free, world.resolution, *world.origin, pose.x, pose.y, angles, self._beams.range_max
-        )
+        ranges = cast_rays(world.free, world.resolution, *world.origin, pose.x, pose.y, angles, self._beams.range_max)
         if self._beams.noise > 0.0:
             return self._beams.to_scan(self._beams.disturb(ranges.astype(np.float64)))
         return self._beams.to_scan(ranges)
@@ -84,23 +82,19 @@ class GridSimulator:
     def _free_distance(self, pose: Pose, length: float) -> float:
         world = self._loaded()
         angle = np.array([pose.yaw])
-        return float(
-            cast_rays(world.free, world.resolution, *world.origin, pose.x, pose.y, angle, length)[0]
-        )
+        return float(cast_rays(world.free, world.resolution, *world.origin, pose.x, pose.y, angle, length)[0])
 
 
 def check_start(world: GridMap) -> None:
     """Raise `SimulatorError` when the start of a world is not free."""
     if not world.is_free(world.start):
         raise SimulatorError(
-            f"map {world.name!r}: expected a start in free space, got {world.start}: correct the map or its start marker"
+            f"map {world.name!r}: expected a start in free space, got {world.start}: correct the map or its marker"
         )
 
 
 def check_free(world: GridMap, pose: Pose) -> Pose:
     """Return the pose; `SimulatorError` when its position is not in free space."""
     if not world.is_free(pose.position):
-        raise SimulatorError(
-            f"map {world.name!r}: cannot put the robot at {pose.position}, which is not free space"
-        )
+        raise SimulatorError(f"map {world.name!r}: cannot put the robot at {pose.position}, which is not free space")
     return pose

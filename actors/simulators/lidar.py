@@ -15,9 +15,10 @@ LAYERS_FIELD_OF_VIEW = np.radians(30.0)
 # Returns of the 3D lidar between this height and the top of the walls count as walls, metres above the floor.
 LOWEST_OBSTACLE = 0.15
 _SAME_WALL = 0.05
-# Bullet's ray test makes a triangle larger by 1e-4 of its size, which is 1.6 cm on the longest walls of common maps.
-_GRAZE = 0.02
-_RAYS_PER_CALL = int(pybullet.MAX_RAY_INTERSECTION_BATCH_SIZE)
+# Bullet's ray test makes a wall face longer by up to 1.6 mm (see wall_mesh.LONGEST_FACE).
+_GRAZE = 0.002
+# A call with exactly as many rays as PyBullet's limit drops the last one.
+_RAYS_PER_CALL = int(pybullet.MAX_RAY_INTERSECTION_BATCH_SIZE) - 1
 
 
 class Lidar:
@@ -42,8 +43,7 @@ class Lidar:
         ends = (self._directions * beams.range_max).tolist()
         starts = [[0.0, 0.0, 0.0]] * len(ends)
         self._calls = [
-            (starts[i : i + _RAYS_PER_CALL], ends[i : i + _RAYS_PER_CALL])
-            for i in range(0, len(ends), _RAYS_PER_CALL)
+            (starts[i : i + _RAYS_PER_CALL], ends[i : i + _RAYS_PER_CALL]) for i in range(0, len(ends), _RAYS_PER_CALL)
         ]
         self._mask = WALL_GROUP if layers == 1 else WALL_GROUP | FLOOR_GROUP
         self._cloud: NDArray[np.float64] | None = None
@@ -113,13 +113,11 @@ class Lidar:
 def free_distance(client: int, pose: Pose, length: float, height: float) -> float:
     """Tell how far a point can go from a pose along its yaw before a wall, infinite when not within ``length``.
 
-    Three parallel rays are cast and the longest counts: a segment that touches just the corner of a wall is free, as
-    it is for lines of sight in the belief.
+    Two more rays run beside: where one of the three is free, the way is free. So a segment that touches just the
+    corner of a wall is free, as it is for lines of sight in the belief.
     """
     cosine, sine = np.cos(pose.yaw), np.sin(pose.yaw)
     starts = [[pose.x - s * sine, pose.y + s * cosine, height] for s in (0.0, _GRAZE, -_GRAZE)]
     ends = [[x + length * cosine, y + length * sine, z] for x, y, z in starts]
-    hits = pybullet.rayTestBatch(
-        starts, ends, numThreads=1, collisionFilterMask=WALL_GROUP, physicsClientId=client
-    )
-    return float(max(hit[2] * length if hit[0] >= 0 else np.inf for hit in hits))
+    hits = pybullet.rayTestBatch(starts, ends, numThreads=1, collisionFilterMask=WALL_GROUP, physicsClientId=client)
+    return np.inf if any(hit[0] < 0 for hit in hits) else float(hits[0][2]) * length

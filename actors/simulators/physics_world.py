@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+import numpy as np
 
 from actors.maps.grid_map import GridMap
-from actors.simulators.bullet import connect, disconnect, pybullet
+from actors.simulators.bullet import collision_mesh, connect, disconnect, pybullet, visual_mesh
 from actors.simulators.grid import check_start
-from actors.simulators.wall_mesh import Quads, wall_faces, wall_tops
+from actors.simulators.wall_mesh import wall_faces, wall_tops
 from common.errors import ConfigError, SimulatorError
 
 TIME_STEP = 1.0 / 240.0
@@ -15,7 +15,7 @@ TIME_STEP = 1.0 / 240.0
 ROBOT_GROUP, WALL_GROUP, FLOOR_GROUP = 1, 2, 64
 # PyBullet takes at most 131,072 vertices per shape.
 _QUADS_PER_MESH = 32_000
-_LOWEST_WALL = 0.6
+_LOWEST_WALL, _BELOW_FLOOR = 0.6, -0.1
 _WALL_COLOUR, _TOP_COLOUR, _FLOOR_COLOUR = (0.80, 0.78, 0.74, 1.0), (0.42, 0.45, 0.50, 1.0), (0.90, 0.91, 0.92, 1.0)
 
 
@@ -26,6 +26,7 @@ class PhysicsWorld:
         client: PyBullet's client number of the server.
         walls: body numbers of the walls; one but for maps with more than 32,000 wall faces.
         floor: body number of the floor, an infinite plane at z = 0.
+        visible: whether the world has colours to look at.
     """
 
     def __init__(self, wall_height: float, *, gui: bool = False, visible: bool = False) -> None:
@@ -42,10 +43,10 @@ class PhysicsWorld:
         """
         if wall_height < _LOWEST_WALL:
             raise ConfigError(
-                f"wall_height: expected at least {_LOWEST_WALL} m, so that the robot's lidar meets walls; got {wall_height}"
+                f"wall_height: expected at least {_LOWEST_WALL} m, so that the lidar meets walls; got {wall_height}"
             )
         self._wall_height = wall_height
-        self._visible = visible or gui
+        self.visible = visible or gui
         self.gui = gui
         self.client = connect(gui)
         self._open = True
@@ -74,13 +75,10 @@ class PhysicsWorld:
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=TIME_STEP, deterministicOverlappingPairs=1, physicsClientId=client
         )
-        faces = wall_faces(world, bottom=-0.1, top=self._wall_height)
-        self.walls = tuple(self._static_mesh(*mesh, _WALL_COLOUR) for mesh in faces.chunks(_QUADS_PER_MESH))
-        for body in self.walls:
-            pybullet.changeDynamics(body, -1, lateralFriction=0.5, restitution=0.0, physicsClientId=client)
+        self.walls = self._walls(world)
         self.floor = self._floor(world)
-        if self._visible:
-            self._show_tops(wall_tops(world, self._wall_height))
+        if self.visible:
+            self._show_tops(world)
         self._drawing(True)
 
     def close(self) -> None:
@@ -91,37 +89,7 @@ class PhysicsWorld:
 
     def _drawing(self, on: bool) -> None:
         if self.gui:
-            pybullet.configureDebugVisualizer(
-                pybullet.COV_ENABLE_RENDERING, int(on), physicsClientId=self.client
-            )
-
-    def _static_mesh(
-        self, vertices: list[list[float]], indices: list[int], colour: tuple[float, float, float, float]
-    ) -> int:
-        shape = pybullet.createCollisionShape(
-            pybullet.GEOM_MESH,
-            vertices=vertices,
-            indices=indices,
-            flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
-            physicsClientId=self.client,
-        )
-        return self._static_body(shape, self._mesh_look(vertices, indices, colour))
-
-    def _mesh_look(
-        self, vertices: list[list[float]], indices: list[int], colour: tuple[float, float, float, float]
-    ) -> int:
-        if not self._visible:
-            return -1
-        return int(
-            pybullet.createVisualShape(
-                pybullet.GEOM_MESH,
-                vertices=vertices,
-                indices=indices,
-                rgbaColor=colour,
-                specularColor=(0.1, 0.1, 0.1),
-                physicsClientId=self.client,
-            )
-        )
+            pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_RENDERING, int(on), physicsClientId=self.client)
 
     def _static_body(self, collision: int, look: int) -> int:
         body = pybullet.createMultiBody(
@@ -131,23 +99,30 @@ class PhysicsWorld:
             physicsClientId=self.client,
         )
         if body < 0 or (collision < 0 and look < 0):
-            raise SimulatorError("PyBullet refused the world's mesh: report the map")
+            raise SimulatorError("PyBullet refused a mesh of the world: report the map")
         return int(body)
 
+    def _walls(self, world: GridMap) -> tuple[int, ...]:
+        bodies = []
+        for vertices, indices in wall_faces(world, _BELOW_FLOOR, self._wall_height).chunks(_QUADS_PER_MESH):
+            shape = collision_mesh(self.client, vertices, indices)
+            look = visual_mesh(self.client, vertices, indices, _WALL_COLOUR) if self.visible else -1
+            body = self._static_body(shape, look)
+            pybullet.changeDynamics(body, -1, lateralFriction=0.5, restitution=0.0, physicsClientId=self.client)
+            bodies.append(body)
+        return tuple(bodies)
+
     def _floor(self, world: GridMap) -> int:
-        client = self.client
-        plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
-        look = -1
-        if self._visible:
-            (x, y), (width, height) = world.origin, world.size
-            corners = [[x, y, 0.0], [x + width, y, 0.0], [x + width, y + height, 0.0], [x, y + height, 0.0]]
-            look = self._mesh_look(corners, [0, 1, 2, 0, 2, 3], _FLOOR_COLOUR)
+        (x, y), (width, height) = world.origin, world.size
+        corners = np.array([[x, y, 0], [x + width, y, 0], [x + width, y + height, 0], [x, y + height, 0]])
+        # With no look of its own, a plane gets a large one, which costs half a millisecond even when nobody looks.
+        look = visual_mesh(self.client, corners, np.array([0, 1, 2, 0, 2, 3]), _FLOOR_COLOUR)
+        plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
         body = self._static_body(plane, look)
-        pybullet.changeDynamics(body, -1, lateralFriction=1.0, restitution=0.0, physicsClientId=client)
-        everything: Any = -1
-        pybullet.setCollisionFilterGroupMask(body, -1, FLOOR_GROUP, everything, physicsClientId=client)
+        pybullet.changeDynamics(body, -1, lateralFriction=1.0, restitution=0.0, physicsClientId=self.client)
+        pybullet.setCollisionFilterGroupMask(body, -1, FLOOR_GROUP, -1, physicsClientId=self.client)
         return body
 
-    def _show_tops(self, tops: Quads) -> None:
-        for vertices, indices in tops.chunks(_QUADS_PER_MESH):
-            self._static_body(-1, self._mesh_look(vertices, indices, _TOP_COLOUR))
+    def _show_tops(self, world: GridMap) -> None:
+        for vertices, indices in wall_tops(world, self._wall_height).chunks(_QUADS_PER_MESH):
+            self._static_body(-1, visual_mesh(self.client, vertices, indices, _TOP_COLOUR))

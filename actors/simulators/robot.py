@@ -13,6 +13,8 @@ from common.errors import SimulatorError
 from common.geometry import Pose
 
 URDF = Path(__file__).with_name("robot.urdf")
+# Round wheels instead of hulls with corners, and the inertia that the file states.
+_LOADING = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
 _MOTOR_TORQUE = 10.0  # newton metres per wheel: twice what full acceleration needs
 
 
@@ -40,8 +42,7 @@ class Robot:
             str(URDF),
             (pose.x, pose.y, 0.0),
             _quaternion(pose.yaw),
-            # Round wheels instead of hulls with corners, and the inertia that the file states.
-            flags=pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE,
+            flags=_LOADING if world.visible else _LOADING | pybullet.URDF_IGNORE_VISUAL_SHAPES,
             physicsClientId=self._client,
         )
         joints = {
@@ -71,9 +72,7 @@ class Robot:
             # The wheels lie within the round body: only that may touch walls.
             for walls in world.walls:
                 for link in (self._left, self._right):
-                    pybullet.setCollisionFilterPair(
-                        self.body, walls, link, -1, 0, physicsClientId=self._client
-                    )
+                    pybullet.setCollisionFilterPair(self.body, walls, link, -1, 0, physicsClientId=self._client)
         self.command(0.0, 0.0)
 
     @property
@@ -86,9 +85,7 @@ class Robot:
 
         The pose is that of the point of the floor below the lidar.
         """
-        (x, y, z), (qx, qy, qz, qw) = pybullet.getBasePositionAndOrientation(
-            self.body, physicsClientId=self._client
-        )
+        (x, y, z), (qx, qy, qz, qw) = pybullet.getBasePositionAndOrientation(self.body, physicsClientId=self._client)
         yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
         upright = 1.0 - 2.0 * (qx * qx + qy * qy)
         tilt = math.acos(max(-1.0, min(1.0, upright)))

@@ -75,9 +75,7 @@ class SegmentTracker:
             self._driving = abs(error) < self._START_DRIVING
             stopping = math.sqrt(1.2 * limits.turn_acceleration * abs(error))
             speed, turn_rate = 0.0, math.copysign(min(stopping, 8.0 * abs(error)), error)
-        self._speed = _approach(
-            self._speed, speed, limits.acceleration * interval, limits.deceleration * interval
-        )
+        self._speed = _approach(self._speed, speed, limits.acceleration * interval, limits.deceleration * interval)
         turn_rate = max(-limits.turn_rate, min(limits.turn_rate, turn_rate))
         change = limits.turn_acceleration * interval
         self._turn_rate = max(self._turn_rate - change, min(self._turn_rate + change, turn_rate))

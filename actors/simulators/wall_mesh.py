@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
 
+LONGEST_FACE = 16.0
+"""Metres; Bullet's ray test makes a triangle larger by 1e-4 of its length, so very long ones would blur corners."""
 _TRIANGLES_OF_QUAD = np.array([0, 1, 2, 0, 2, 3])
 
 
@@ -25,13 +27,13 @@ class Quads:
     def __len__(self) -> int:
         return len(self.corners)
 
-    def chunks(self, size: int) -> list[tuple[list[list[float]], list[int]]]:
-        """Return (vertices, indices) of triangle meshes with at most ``size`` quads each, as PyBullet takes them."""
+    def chunks(self, size: int) -> list[tuple[NDArray[np.float64], NDArray[np.int64]]]:
+        """Return (vertices, indices) of triangle meshes with at most ``size`` quads each."""
         meshes = []
         for first in range(0, len(self), size):
             part = self.corners[first : first + size]
             indices = 4 * np.arange(len(part))[:, None] + _TRIANGLES_OF_QUAD
-            meshes.append((part.reshape(-1, 3).tolist(), indices.ravel().tolist()))
+            meshes.append((part.reshape(-1, 3), indices.ravel()))
         return meshes
 
 
@@ -42,11 +44,12 @@ def wall_faces(world: GridMap, bottom: float, top: float) -> Quads:
     through between them.
     """
     free = np.pad(world.free, 1).astype(np.int8)
+    longest = max(1, round(LONGEST_FACE / world.resolution))
     # Lines along x: between row r - 1 and row r; +1 where the upper side is free. Then lines along y, likewise.
-    line, first, last, sign = _runs(free[1:, :] - free[:-1, :])
+    line, first, last, sign = _runs(free[1:, :] - free[:-1, :], longest)
     along_x = np.stack([first - 1, line, last - 1, line], axis=1)
     along_x[sign > 0] = along_x[sign > 0][:, [2, 3, 0, 1]]
-    line, first, last, sign = _runs((free[:, 1:] - free[:, :-1]).T)
+    line, first, last, sign = _runs((free[:, 1:] - free[:, :-1]).T, longest)
     along_y = np.stack([line, first - 1, line, last - 1], axis=1)
     along_y[sign < 0] = along_y[sign < 0][:, [2, 3, 0, 1]]
     ends = np.concatenate([along_x, along_y]) * world.resolution + np.tile(world.origin, 2)
@@ -60,7 +63,7 @@ def wall_faces(world: GridMap, bottom: float, top: float) -> Quads:
 
 def wall_tops(world: GridMap, height: float) -> Quads:
     """Return the tops of the occupied cells of the grid, merged into rectangles, looking up."""
-    line, first, last, _ = _runs((~world.free).astype(np.int8))
+    line, first, last, _ = _runs((~world.free).astype(np.int8), max(world.free.shape) + 1)
     # A run that continues the same columns of the row below joins its rectangle.
     order = np.lexsort((line, last, first))
     line, first, last = line[order], first[order], last[order]
@@ -80,11 +83,12 @@ def wall_tops(world: GridMap, height: float) -> Quads:
 
 
 def _runs(
-    sign: NDArray[np.int8],
+    sign: NDArray[np.int8], longest: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], NDArray[np.int8]]:
-    """Return (line, first, end, sign) of each maximal run of equal non-zero values along axis 1."""
+    """Return (line, first, end, sign) of the runs of equal non-zero values along axis 1, cut at each ``longest``."""
     padded = np.pad(sign, ((0, 0), (1, 1)))
     change = padded[:, 1:] != padded[:, :-1]
+    change[:, ::longest] = True
     line, first = np.nonzero(change & (padded[:, 1:] != 0))
     _, end = np.nonzero(change & (padded[:, :-1] != 0))
     return line, first, end, sign[line, first]
