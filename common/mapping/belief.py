@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from common.errors import MappingError
 from common.geometry import Pose, Scan
-from common.mapping.raycast import CORNER_TOLERANCE, SUBCELL_BITS, SUBCELLS, ray_axis, to_subcells
+from common.mapping.raycast import CORNER_TOLERANCE, SUBCELL_BITS, SUBCELLS, ray_axis, ray_units, to_subcells
 from common.mapping.sight import FREE, OCCUPIED, OUTSIDE, UNKNOWN, Box
 
 # A range is trusted to this much, metres: a beam that ends so near to a cell border hit the cell behind the border,
@@ -43,63 +43,77 @@ def _integrate(
     freed = 0
     outside = False
     row_low, row_high, column_low, column_high = 1 << 40, -1, 1 << 40, -1
-    tolerance = RANGE_TOLERANCE / resolution
-    first = int(np.floor(start_y)) * width + int(np.floor(start_x))
+    start = int(np.floor(start_y)) * width + int(np.floor(start_x))
     for beam in range(len(ranges)):
         measured = np.float64(ranges[beam])
         if not (measured >= range_min and measured >= 0.0):
             continue
         hit = measured < limit - RANGE_TOLERANCE
-        reach = (measured if hit else limit) / resolution
+        reach = measured if hit else limit
+        # Cells that the beam leaves before `stop` are passed; a border up to `end` may be the face that it hit.
+        stop = ray_units((reach - RANGE_TOLERANCE) / resolution)
+        end = ray_units((reach + RANGE_TOLERANCE) / resolution)
         angle = first_angle + angle_increment * beam
         step_x, next_x, delta_x = ray_axis(start_x, np.cos(angle))
         step_y, next_y, delta_y = ray_axis(start_y, np.sin(angle))
         step_y *= width
-        index = first
-        mark = False
-        while True:
-            ahead = min(next_x, next_y)
-            if hit and ahead > reach + tolerance:
-                mark = True
-                break
-            value = cells[index]
-            if value == UNKNOWN:
+        index = start
+        # A beam runs one way, so the first and the last cell that it changes span all that it changes.
+        first = last = -1
+        while min(next_x, next_y) < stop:
+            if cells[index] < FREE:
+                if cells[index] == OUTSIDE:
+                    break
                 cells[index] = FREE
                 known += 1
                 freed += 1
-                row, column = index // width, index % width
-                row_low, row_high = min(row_low, row), max(row_high, row)
-                column_low, column_high = min(column_low, column), max(column_high, column)
-            elif value == OUTSIDE:
-                outside = True
-                break
-            at_end = ahead >= reach - tolerance
-            if at_end and not hit:
-                break
-            gap = next_x - next_y
-            if gap < -CORNER_TOLERANCE:
+                last = index
+                if first < 0:
+                    first = index
+            if next_x < next_y - CORNER_TOLERANCE:
                 index += step_x
                 next_x += delta_x
-            elif gap > CORNER_TOLERANCE:
+            elif next_y < next_x - CORNER_TOLERANCE:
                 index += step_y
                 next_y += delta_y
             else:
-                if at_end:
-                    break
                 index += step_x + step_y
                 next_x += delta_x
                 next_y += delta_y
-            if at_end:
-                mark = min(next_x, next_y) > reach + tolerance
-                break
-        if mark:
-            value = cells[index]
-            if value == OUTSIDE:
+        # The beam ends in this cell, or on its border to the next one.
+        ahead = min(next_x, next_y)
+        face = hit and ahead <= end
+        if cells[index] == OUTSIDE:
+            outside = True
+        else:
+            if (face or not hit) and cells[index] == UNKNOWN:
+                cells[index] = FREE
+                known += 1
+                freed += 1
+                last = index
+                if first < 0:
+                    first = index
+            met = index if hit and not face else -1
+            if face and abs(next_x - next_y) > CORNER_TOLERANCE:
+                if next_x < next_y:
+                    index += step_x
+                    next_x += delta_x
+                else:
+                    index += step_y
+                    next_y += delta_y
+                if min(next_x, next_y) > end:
+                    met = index
+            if met >= 0 and cells[met] == OUTSIDE:
                 outside = True
-            elif value != OCCUPIED:
-                cells[index] = OCCUPIED
-                known += value == UNKNOWN
-                freed -= value == FREE
+            elif met >= 0 and cells[met] != OCCUPIED:
+                known += cells[met] == UNKNOWN
+                freed -= cells[met] == FREE
+                cells[met] = OCCUPIED
+                last = met
+                if first < 0:
+                    first = met
+        if first >= 0:
+            for index in (first, last):
                 row, column = index // width, index % width
                 row_low, row_high = min(row_low, row), max(row_high, row)
                 column_low, column_high = min(column_low, column), max(column_high, column)

@@ -15,8 +15,13 @@ from numpy.typing import NDArray
 
 SUBCELL_BITS: Final = 16
 SUBCELLS: Final = 1 << SUBCELL_BITS
-# Two cell borders that a ray crosses within this many cells of each other are crossed at their common corner.
-CORNER_TOLERANCE: Final = 1e-9
+# Along a ray, distances are whole numbers of this part of a cell: adding integers is what makes traversal fast, and the
+# rounding of a thousand borders adds up to 5e-10 cells.
+RAY_UNITS: Final = float(1 << 40)
+# No ray goes farther, cells: twice this must fit into 63 bits.
+FARTHEST: Final = 4.0e6
+# Two cell borders that a ray crosses within this many units (1e-9 cells) of each other are crossed at their corner.
+CORNER_TOLERANCE: Final = 1100
 # A direction whose sine or cosine is below this runs along the grid: cos(pi / 2) is 6e-17, not 0.
 AXIS_TOLERANCE: Final = 1e-12
 
@@ -28,7 +33,13 @@ def to_subcells(value: float, origin: float, resolution: float) -> int:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def ray_axis(start: float, direction: float) -> tuple[int, float, float]:
+def ray_units(cells: float) -> int:
+    """Convert a distance along a ray from cells into `RAY_UNITS`, at most `FARTHEST`."""
+    return int(min(cells, FARTHEST) * RAY_UNITS)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def ray_axis(start: float, direction: float) -> tuple[int, int, int]:
     """Prepare one axis of a traversal (Amanatides and Woo, 1987).
 
     Args:
@@ -36,13 +47,13 @@ def ray_axis(start: float, direction: float) -> tuple[int, float, float]:
         direction: sine or cosine of the ray.
 
     Returns:
-        Step (-1, 0, 1), distance along the ray to the first cell border, and distance between borders, in cells.
+        Step (-1, 0, 1), distance along the ray to the first cell border, and distance between borders, in ray units.
     """
     if direction > AXIS_TOLERANCE:
-        return 1, (np.floor(start) + 1.0 - start) / direction, 1.0 / direction
+        return 1, ray_units((np.floor(start) + 1.0 - start) / direction), ray_units(1.0 / direction)
     if direction < -AXIS_TOLERANCE:
-        return -1, (np.floor(start) - start) / direction, -1.0 / direction
-    return 0, np.inf, np.inf
+        return -1, ray_units((np.floor(start) - start) / direction), ray_units(-1.0 / direction)
+    return 0, ray_units(FARTHEST), ray_units(FARTHEST)
 
 
 @njit(cache=True, nogil=True)
@@ -83,19 +94,18 @@ def cast_rays(
     if not (0 <= start_row < rows and 0 <= start_column < columns and free[start_row, start_column]):
         ranges[:] = 0.0
         return ranges
-    limit = range_max / resolution
+    limit = ray_units(range_max / resolution)
     for beam in range(len(angles)):
         step_x, next_x, delta_x = ray_axis(start_x, np.cos(angles[beam]))
         step_y, next_y, delta_y = ray_axis(start_y, np.sin(angles[beam]))
         column = start_column
         row = start_row
         while True:
-            gap = next_x - next_y
-            if gap < -CORNER_TOLERANCE:
+            if next_x < next_y - CORNER_TOLERANCE:
                 travelled = next_x
                 column += step_x
                 next_x += delta_x
-            elif gap > CORNER_TOLERANCE:
+            elif next_y < next_x - CORNER_TOLERANCE:
                 travelled = next_y
                 row += step_y
                 next_y += delta_y
@@ -112,7 +122,7 @@ def cast_rays(
             if travelled >= limit:
                 break
             if not (0 <= row < rows and 0 <= column < columns and free[row, column]):
-                ranges[beam] = travelled * resolution
+                ranges[beam] = travelled / RAY_UNITS * resolution
                 break
     return ranges
 

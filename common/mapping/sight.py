@@ -122,19 +122,18 @@ def blocker(cells: NDArray[np.int8], width: int, x0: int, y0: int, x1: int, y1: 
     order_x = rise << SUBCELL_BITS
     order_y = run << SUBCELL_BITS
     while index != last:
-        if order < 0:
-            index += step_x
-            order += order_x
-        elif order > 0:
-            index += step_y
-            order -= order_y
-        else:
+        if order == 0:
             if cells[index + step_x] != FREE:
                 return index + step_x
             if cells[index + step_y] != FREE:
                 return index + step_y
             index += step_x + step_y
             order += order_x - order_y
+        else:
+            # Which border comes next is as good as random: choose without a branch.
+            across = order < 0
+            index += step_x if across else step_y
+            order += order_x if across else -order_y
         if cells[index] != FREE:
             return index
     return CLEAR
