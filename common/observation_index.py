@@ -41,22 +41,22 @@ def neighbour_table(
 @numba.njit(cache=True, nogil=True)
 def _fill_neighbours(count, offsets, edges, bits, table):  # type: ignore[no-untyped-def]
     """Sweep each observation once: five cursors, one per lattice row from dy = -2 to 2, only move forward."""
+    keys = np.empty(len(edges), dtype=np.int64)
+    for i in range(len(edges)):
+        keys[i] = np.int64(offsets[i, 1]) * _ROW + offsets[i, 0]
     first = 0
     for n in count:
         last = first + n
         for dy in range(-2, 3):
             cursor = first
             for i in range(first, last):
-                if edges[i] == 0:
-                    continue
-                middle = (np.int64(offsets[i, 1]) + dy) * _ROW + offsets[i, 0]
-                while cursor < last and np.int64(offsets[cursor, 1]) * _ROW + offsets[cursor, 0] < middle - 2:
+                middle = keys[i] + dy * _ROW
+                while cursor < last and keys[cursor] < middle - 2:
                     cursor += 1
-                for j in range(cursor, min(cursor + 5, last)):
-                    dx = np.int64(offsets[j, 1]) * _ROW + offsets[j, 0] - middle
-                    if dx > 2:
-                        break
-                    bit = bits[dy + 2, dx + 2]
+                j = cursor
+                while j < last and keys[j] <= middle + 2:
+                    bit = bits[dy + 2, keys[j] - middle + 2]
                     if bit >= 0 and (edges[i] >> np.uint32(bit)) & np.uint32(1):
                         table[i, bit] = j
+                    j += 1
         first = last

@@ -127,7 +127,7 @@ class ExperienceSender:
             False when there was no room in time, or the sender is closed; the message was not taken then.
         """
         with self._changed:
-            if len(self._parcels) >= self._capacity and not self._full:
+            if len(self._parcels) >= self._capacity and not self._full and not self._present:
                 self._full = True
                 log.warning("%d messages wait for the learner, the buffer is full: pausing", len(self._parcels))
             self._changed.wait_for(lambda: self._closed or len(self._parcels) < self._capacity, timeout)

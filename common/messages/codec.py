@@ -39,6 +39,7 @@ DTYPES: tuple[np.dtype[Any], ...] = tuple(
         "float64",
     )
 )
+_NATIVE = tuple(dtype.newbyteorder("=") for dtype in DTYPES)
 _CODES = {dtype: code for code, dtype in enumerate(DTYPES)}
 
 MAX_DEPTH = 6
@@ -155,7 +156,7 @@ class _Reader:
         self.items += 1
         if self.items > MAX_ITEMS:
             raise MessageError(path, f"is beyond the {MAX_ITEMS} items that a message may have")
-        tag = self.take(1, path)[0]
+        tag = self.byte(path)
         if tag < 0x80:
             return tag
         if tag >= 0xE0:
@@ -182,6 +183,13 @@ class _Reader:
         if what == "extension":
             return self.extension(length, path)
         return self.take(length, path)
+
+    def byte(self, path: str) -> int:
+        if self.position >= len(self.data):
+            raise MessageError(path, "needs 1 bytes, but only 0 are left")
+        value = self.data[self.position]
+        self.position += 1
+        return value
 
     def take(self, length: int, path: str) -> bytes:
         first = self.position
@@ -213,7 +221,7 @@ class _Reader:
         return values
 
     def name(self, path: str) -> str:
-        tag = self.take(1, path)[0]
+        tag = self.byte(path)
         if 0xA0 <= tag < 0xC0:
             return self.text(tag & 0x1F, path, MAX_NAME)
         what, width = _LENGTHS.get(tag, ("", 0))
@@ -222,7 +230,7 @@ class _Reader:
         return self.text(int.from_bytes(self.take(width, path), "big"), path, MAX_NAME)
 
     def extension(self, length: int, path: str) -> NDArray[Any]:
-        kind = self.take(1, path)[0]
+        kind = self.byte(path)
         if kind != ARRAY_EXTENSION:
             raise MessageError(path, f"must be an array (extension {ARRAY_EXTENSION}), got extension {kind}")
         if length < 2:
@@ -253,8 +261,9 @@ class _Reader:
         self.position = payload_end
         if size == 0 and any(dimension > MAX_TEXT for dimension in shape):
             raise MessageError(path, f"has no elements, yet the shape {shape}")
-        flat = np.frombuffer(self.data, dtype=np.uint8, count=payload_end - start, offset=start)
-        if code == 0 and size and flat.max() > 1:
-            raise MessageError(path, f"must hold booleans as 0 or 1, got {int(flat.max())}")
+        if code == 0 and size:
+            highest = int(np.frombuffer(self.data, np.uint8, size, start).max())
+            if highest > 1:
+                raise MessageError(path, f"must hold booleans as 0 or 1, got {highest}")
         # A copy: aligned, writable, of native byte order, and it does not keep the whole message alive.
-        return flat.copy().view(dtype).astype(dtype.newbyteorder("="), copy=False).reshape(shape)
+        return np.frombuffer(self.data, dtype, size, start).reshape(shape).astype(_NATIVE[code])

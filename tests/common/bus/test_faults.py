@@ -1,8 +1,6 @@
-"""Processes that are killed, frozen, restarted and left without closing anything."""
+"""Processes that are killed, frozen and restarted."""
 
 import signal
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -12,7 +10,7 @@ from common.bus.liveness import PresenceWatcher
 from common.bus.session import open_client_session, open_learner_session
 from common.bus.weights import WeightsPublisher, WeightsPuller
 from common.messages.weights import Weights
-from tests.common.bus.processes import ROOT, eventually, loopback, python
+from tests.common.bus.processes import eventually, loopback, python
 from tests.common.messages import samples
 
 # A learner whose store outlives it: one line per delivery, written before the acknowledgement.
@@ -156,92 +154,3 @@ def test_an_actor_notices_a_restarted_learner(tmp_path, caplog):
                 incarnations.append(sender.learner)
         assert incarnations[0] != incarnations[1]
         assert "the learner was restarted" in caplog.text
-
-
-# Everything that a process can have open; `close` says how it ends.
-WHOLE = """
-import os, signal, sys, time
-from common.bus.control import ControlServer
-from common.bus.experience import ExperienceSender, ExperienceServer
-from common.bus.liveness import PresenceWatcher, declare_presence
-from common.bus.session import open_client_session, open_learner_session
-from common.bus.spec import SpecServer
-from common.bus.stats import StatsTable
-from common.bus.weights import WeightsPublisher, WeightsPuller
-from common.config.schema import BusConfig
-from common.messages.replies import Spec
-from contextlib import ExitStack
-from tests.common.messages import samples
-
-config = BusConfig(listen=sys.argv[1])
-role, end = sys.argv[2:]
-stack = ExitStack()
-enter = stack.enter_context
-def begin():
-    global things, session
-    if role == "learner":
-        session = enter(open_learner_session(config))
-        things = [
-            enter(declare_presence(session, "run", "learner", "learner")),
-            enter(PresenceWatcher(session, "run")),
-            enter(ExperienceServer(session, "run", 1, lambda delivery: 0.0)),
-            enter(WeightsPublisher(session, "run")),
-            enter(SpecServer(session, Spec("run", 1, "{}"))),
-            enter(ControlServer(session, "run", lambda command: {})),
-            enter(StatsTable(session, "run")),
-        ]
-        things[3].publish(samples.weights())
-    else:
-        session = enter(open_client_session(config))
-        things = [
-            enter(declare_presence(session, "run", "actor", "desk-0")),
-            enter(ExperienceSender(session, "run", "desk-0")),
-            enter(WeightsPuller(session, "run")),
-        ]
-        things[1].send(samples.report())
-    time.sleep(0.2)
-    print("ready", flush=True)
-
-if end == "forgotten":
-    begin()
-elif end == "error":
-    with stack:
-        begin()
-        raise RuntimeError("wanted")
-elif end == "exit":
-    with stack:
-        begin()
-        sys.exit(3)
-elif end == "interrupt":
-    with stack:
-        begin()
-        signal.raise_signal(signal.SIGINT)
-else:
-    with stack:
-        begin()
-"""
-
-
-@pytest.mark.parametrize("role", ["learner", "actor"])
-def test_processes_end_whatever_way_they_end(role):
-    """No way of ending hangs: not even leaving everything open."""
-    expected = {"normal": 0, "error": 1, "exit": 3, "interrupt": -signal.SIGINT, "forgotten": 0}
-    processes = {
-        end: subprocess.Popen(
-            [sys.executable, "-c", WHOLE, loopback().listen, role, end],
-            cwd=ROOT,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-        )
-        for end in expected
-    }
-    try:
-        for end, process in processes.items():
-            output, _ = process.communicate(timeout=40)
-            assert output == "ready\n", end
-            assert process.returncode == expected[end], end
-    finally:
-        for process in processes.values():
-            process.kill()
-            process.wait()

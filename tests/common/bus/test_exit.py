@@ -1,0 +1,103 @@
+"""How processes end: cleanly, by an error, by a signal, or with everything left open."""
+
+import signal
+import subprocess
+import sys
+
+from tests.common.bus.processes import ROOT, loopback
+
+# Everything that a process can have open; `close` says how it ends.
+WHOLE = """
+import os, signal, sys, time
+from common.bus.control import ControlServer
+from common.bus.experience import ExperienceSender, ExperienceServer
+from common.bus.liveness import PresenceWatcher, declare_presence
+from common.bus.session import open_client_session, open_learner_session
+from common.bus.spec import SpecServer
+from common.bus.stats import StatsTable
+from common.bus.weights import WeightsPublisher, WeightsPuller
+from common.config.schema import BusConfig
+from common.messages.replies import Spec
+from contextlib import ExitStack
+from tests.common.messages import samples
+
+config = BusConfig(listen=sys.argv[1])
+role, end = sys.argv[2:]
+stack = ExitStack()
+enter = stack.enter_context
+def begin():
+    global things, session
+    if role == "learner":
+        session = enter(open_learner_session(config))
+        things = [
+            enter(declare_presence(session, "run", "learner", "learner")),
+            enter(PresenceWatcher(session, "run")),
+            enter(ExperienceServer(session, "run", 1, lambda delivery: 0.0)),
+            enter(WeightsPublisher(session, "run")),
+            enter(SpecServer(session, Spec("run", 1, "{}"))),
+            enter(ControlServer(session, "run", lambda command: {})),
+            enter(StatsTable(session, "run")),
+        ]
+        things[3].publish(samples.weights())
+    else:
+        session = enter(open_client_session(config))
+        things = [
+            enter(declare_presence(session, "run", "actor", "desk-0")),
+            enter(ExperienceSender(session, "run", "desk-0")),
+            enter(WeightsPuller(session, "run")),
+        ]
+        things[1].send(samples.report())
+    time.sleep(0.2)
+    print("ready", flush=True)
+
+if end == "forgotten":
+    begin()
+elif end == "error":
+    with stack:
+        begin()
+        raise RuntimeError("wanted")
+elif end == "exit":
+    with stack:
+        begin()
+        sys.exit(3)
+elif end == "interrupt":
+    with stack:
+        begin()
+        signal.raise_signal(signal.SIGINT)
+else:
+    with stack:
+        begin()
+"""
+
+
+EXPECTED = {
+    ("learner", "normal"): 0,
+    ("learner", "error"): 1,
+    ("learner", "forgotten"): 0,
+    ("actor", "exit"): 3,
+    ("actor", "interrupt"): -signal.SIGINT,
+    ("actor", "forgotten"): 0,
+}
+
+
+def test_processes_end_whatever_way_they_end():
+    """No way of ending hangs: not even leaving everything open."""
+    processes = {
+        (role, end): subprocess.Popen(
+            [sys.executable, "-c", WHOLE, loopback().listen, role, end],
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        for role, end in EXPECTED
+    }
+    try:
+        for way, process in processes.items():
+            output, _ = process.communicate(timeout=60)
+            assert output == "ready\n", way
+            assert process.returncode == EXPECTED[way], way
+    finally:
+        for process in processes.values():
+            process.kill()
+            process.wait()
