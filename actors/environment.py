@@ -118,6 +118,7 @@ class Environment:
         self._max_steps = max_steps
         self._expert = expert
         self.end = End.TRUNCATED
+        self.reason = ""
 
     def reset(self, world: GridMap, seed: int) -> Observation:
         """Begin an episode and return what the robot knows at its first viewpoint.

@@ -25,11 +25,12 @@ class Recorder:
         self._chunk_steps = chunk_steps
         self._emit = emit
         self._episode = -1
-        self.begin()
+        self._first_step = 0
+        self._clear()
 
     @property
     def episode(self) -> int:
-        """Number of the present episode, counted from 0."""
+        """Number of the present episode, counted from 0; -1 before the first."""
         return self._episode
 
     def begin(self) -> None:

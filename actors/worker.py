@@ -26,7 +26,6 @@ from common.messages.replies import Spec
 from common.messages.stats import ActorStats
 from common.messages.weights import Weights
 from common.network.parameters import parameter_shapes
-from common.runtime import limit_threads
 
 log = logging.getLogger(__name__)
 
@@ -68,7 +67,6 @@ class Worker:
     def run(self) -> None:
         """Act until told to stop; a learner that comes back with another configuration is begun with anew."""
         options = self._options
-        limit_threads(1)
         with (
             open_client_session(options.bus, options.bus.connect or None) as session,
             declare_presence(session, options.run, options.role, options.name),

@@ -72,6 +72,9 @@ class ExplorationExpert:
         if robot < 0 or len(coverage.unseen_cells) <= self._tolerance:
             return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0)
         stops, allowed = self._tour(observation, true_nodes, robot, coverage)
+        if len(stops) == 0:
+            # What is missing cannot be seen from any viewpoint: no choice is better than another.
+            return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0)
         orders = np.zeros((len(choices), len(stops)), dtype=np.int64)
         sizes = np.zeros(len(choices), dtype=np.int64)
         sight = self._sight

@@ -80,9 +80,7 @@ class Coverage:
     def __init__(self, world: GridMap) -> None:
         row, column = world.cell(world.start)
         if not world.is_free(world.start):
-            raise MapError(
-                f"map {world.name!r}: the start {world.start} is not in free space; move the start marker"
-            )
+            raise MapError(f"map {world.name!r}: the start {world.start} is not in free space; move the start marker")
         self._world = world
         self._unseen: NDArray[np.int64] = _flood(np.ascontiguousarray(world.free), row, column)
         self._reachable = len(self._unseen)
@@ -101,9 +99,7 @@ class Coverage:
             y = world.origin[1] + (np.arange(rows) + 0.5) * world.resolution
             self._belief_column = np.floor((x - origin[0]) / resolution + 1e-9).astype(np.int64)
             self._belief_row = np.floor((y - origin[1]) / resolution + 1e-9).astype(np.int64)
-        kept = _still_unseen(
-            self._unseen, self._world.free.shape[1], cells, self._belief_row, self._belief_column
-        )
+        kept = _still_unseen(self._unseen, self._world.free.shape[1], cells, self._belief_row, self._belief_column)
         self._unseen = self._unseen[:kept]
 
     @property

@@ -31,9 +31,7 @@ def test_small_tours_are_nearly_always_optimal():
         for size in range(6):
             insert_cheapest(distances, 0, stops, size, size + 1)
         improve_tour(distances, 0, stops)
-        best = min(
-            tour_length(distances, 0, np.array(order)) for order in itertools.permutations(range(1, 7))
-        )
+        best = min(tour_length(distances, 0, np.array(order)) for order in itertools.permutations(range(1, 7)))
         length = tour_length(distances, 0, stops)
         assert length <= 1.15 * best + 1e-3
         optimal += length <= best + 1e-2

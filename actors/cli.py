@@ -1,0 +1,195 @@
+"""The command `hd-actor`: simulated robots that collect experience for a learner."""
+
+from __future__ import annotations
+
+import logging
+import os
+import subprocess
+import sys
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+from pydantic import ValidationError
+
+from actors.options import DEFAULT_ENDPOINT, ActorOptions, host_name
+from actors.supervisor import Supervisor
+from common.bus.liveness import present
+from common.bus.session import open_client_session
+from common.bus.spec import list_runs
+from common.cli import command_errors
+from common.config.schema import BusConfig, RunConfig
+from common.errors import ConfigError
+from common.ids import check_id
+from common.logs import setup_logging
+from common.messages.replies import Spec
+from common.runtime import process_environment
+
+log = logging.getLogger(__name__)
+
+app = typer.Typer(add_completion=True, no_args_is_help=False, pretty_exceptions_enable=False)
+
+EXAMPLES = """
+Examples:
+
+  hd-actor --num 8                                    eight actors for the run on this machine
+
+  hd-actor --num 8 --connect tcp/192.168.1.5:7447     the same for a learner on another machine
+
+  hd-actor --num 2 --sim grid                         without PyBullet
+
+  hd-actor --evaluate                                 run the validation worlds with each new policy
+
+  hd-actor --gui --fidelity dynamic                   watch one robot drive
+"""
+
+
+class SimulatorName(StrEnum):
+    """Simulators to choose from."""
+
+    PYBULLET = "pybullet"
+    GRID = "grid"
+
+
+class Fidelity(StrEnum):
+    """Fidelities of PyBullet to choose from."""
+
+    KINEMATIC = "kinematic"
+    DYNAMIC = "dynamic"
+
+
+class LogLevel(StrEnum):
+    """How much is logged."""
+
+    DEBUG = "debug"
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+@app.command(epilog=EXAMPLES)
+@command_errors
+def main(
+    num: Annotated[int, typer.Option("--num", "-n", min=1, max=1024, help="Number of actors (processes).")] = 1,
+    connect: Annotated[
+        list[str] | None,
+        typer.Option(help=f"Endpoint of the learner, or of a Zenoh router. [default: {DEFAULT_ENDPOINT}]"),
+    ] = None,
+    run: Annotated[str | None, typer.Option(help="Name of the run; not needed while exactly one is there.")] = None,
+    sim: Annotated[SimulatorName | None, typer.Option(help="Simulator, instead of the run's.")] = None,
+    fidelity: Annotated[Fidelity | None, typer.Option(help="Fidelity of PyBullet, instead of the run's.")] = None,
+    maps: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SOURCE",
+            help="Source of worlds, instead of the run's: a folder of PNG maps, or generator:NAME. May be repeated.",
+        ),
+    ] = None,
+    evaluate: Annotated[
+        bool, typer.Option("--evaluate", help="Act greedily in the validation worlds; report, but train nothing.")
+    ] = False,
+    gui: Annotated[bool, typer.Option("--gui", help="Open PyBullet's window (needs a display).")] = False,
+    name: Annotated[
+        str | None, typer.Option(metavar="PREFIX", help="Names are PREFIX-0, PREFIX-1, ... [default: the host's name]")
+    ] = None,
+    tls_ca: Annotated[str | None, typer.Option(help="Root certificate (PEM) of the run's authority.")] = None,
+    tls_certificate: Annotated[str | None, typer.Option(help="This host's certificate (PEM).")] = None,
+    tls_key: Annotated[str | None, typer.Option(help="This host's private key (PEM).")] = None,
+    log_level: Annotated[LogLevel | None, typer.Option(help="How much is logged. [default: info]")] = None,
+) -> None:
+    """Run simulated robots that collect experience for a learner.
+
+    Everything about the run comes from the learner, so an actor needs no more than its endpoint. Actors may start
+    before the learner, come and go at any time, and go on while it is away. Ctrl-C ends them within three seconds.
+    """
+    setup_logging(None if log_level is None else log_level.value)
+    if gui and num > 1:
+        raise ConfigError(f"--gui opens one window: use it with --num 1, not --num {num}")
+    if gui and sim is SimulatorName.GRID:
+        raise ConfigError("--gui shows PyBullet's window: leave it out, or use --sim pybullet")
+    prefix = _checked_id(name or host_name(), "--name")
+    bus = _bus(connect, tls_ca, tls_certificate, tls_key)
+    run_name, taken, spec = _find_run(bus, run)
+    common = {
+        "run": run_name,
+        "bus": bus,
+        "evaluate": evaluate,
+        "simulator": None if sim is None else sim.value,
+        "fidelity": None if fidelity is None else fidelity.value,
+        "maps": tuple(maps or ()),
+        "gui": gui,
+        "log_level": None if log_level is None else log_level.value,
+        "parent": os.getpid(),
+    }
+    names = free_names(prefix + ("-eval" if evaluate else ""), num, taken)
+    if num > 1:
+        # Once, in one process: a fresh install compiles for a minute, and eight processes would do so all at once.
+        log.info("preparing the kernels")
+        network = [] if spec is None else [_network(spec)]
+        subprocess.run(
+            [sys.executable, "-m", "actors.warmup", *network], env=process_environment(threads=1), check=True
+        )
+    log.info("starting %d %s for run %r: %s", num, "evaluators" if evaluate else "actors", run_name, ", ".join(names))
+    supervisor = Supervisor([ActorOptions.model_validate({**common, "name": each}) for each in names])
+    raise typer.Exit(supervisor.run())
+
+
+def free_names(prefix: str, count: int, taken: frozenset[str]) -> list[str]:
+    """Return the first ``count`` names PREFIX-k that nobody on the bus has."""
+    names: list[str] = []
+    number = 0
+    while len(names) < count:
+        candidate = f"{prefix}-{number}"
+        if candidate not in taken:
+            names.append(candidate)
+        number += 1
+    return names
+
+
+def _bus(connect: list[str] | None, tls_ca: str | None, tls_certificate: str | None, tls_key: str | None) -> BusConfig:
+    try:
+        return BusConfig(
+            connect=tuple(connect or [DEFAULT_ENDPOINT]),
+            tls_ca=tls_ca,
+            tls_certificate=tls_certificate,
+            tls_key=tls_key,
+        )
+    except ValidationError as error:
+        raise ConfigError("--tls-ca, --tls-certificate and --tls-key go together: give all three or none") from error
+
+
+def _find_run(bus: BusConfig, run: str | None) -> tuple[str, frozenset[str], Spec | None]:
+    """Return the run to join, the names of the processes that are there already, and its specification.
+
+    A run that was named need not be there yet; then there is no specification.
+    """
+    with open_client_session(bus, bus.connect) as session:
+        runs = {spec.run: spec for spec in list_runs(session)}
+        if run is None:
+            if not runs:
+                raise ConfigError(
+                    f"no learner answers at {', '.join(bus.connect)}: start one with 'hd-learner start', give its "
+                    "endpoint with --connect, or name the run with --run to wait for its learner"
+                )
+            if len(runs) > 1:
+                raise ConfigError(f"there are several runs, choose one with --run: {', '.join(sorted(runs))}")
+            run = next(iter(runs))
+        _checked_id(run, "--run")
+        return run, frozenset(name for _, name in present(session, run)), runs.get(run)
+
+
+def _network(spec: Spec) -> str:
+    try:
+        return RunConfig.model_validate_json(spec.config).network.model_dump_json()
+    except ValidationError as error:
+        raise ConfigError(
+            f"the learner of run {spec.run!r} has a configuration that this version does not know: use the same "
+            f"version on all machines ({error.errors()[0]['msg']})"
+        ) from error
+
+
+def _checked_id(value: str, option: str) -> str:
+    try:
+        return check_id(value, option)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None

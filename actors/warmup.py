@@ -1,0 +1,61 @@
+"""Compile all kernels of an actor once, so that several processes started later only load them.
+
+``python -m actors.warmup [NETWORK]`` does it in a process of its own, for a network given as JSON (`NetworkConfig`).
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+
+import numpy as np
+
+from actors.driver import ExpertDriver, PolicyDriver
+from actors.environment import Environment
+from actors.episode import Role, run_episode
+from actors.expert import make_expert
+from actors.maps.generators import make_generator
+from actors.process import follow_parent
+from actors.recorder import Recorder
+from actors.simulators.factory import make_simulator
+from actors.tasks import make_task
+from common.config.schema import MappingConfig, NetworkConfig, RewardConfig, SimulatorConfig, TaskConfig
+from common.mapping.warmup import warm_up as warm_up_mapping
+from common.messages.experience import Chunk, Delivery
+from common.messages.schema import encode
+from common.policy import Policy
+
+
+def warm_up(network: NetworkConfig) -> None:
+    """Compile, or load from numba's cache, whatever an actor calls: both tasks, both experts, one network.
+
+    The first call of a fresh install takes a minute or so, a later one a few seconds.
+
+    Args:
+        network: of the run; kernels are compiled for its size of a head.
+    """
+    warm_up_mapping()
+    rng = np.random.default_rng(0)
+    role = Role("train", "grid")
+    mapping = MappingConfig()
+    simulator = make_simulator(SimulatorConfig(name="grid", rays=180), mapping.sensor_range)
+    world = make_generator("rooms", {"width": "320", "height": "240"}).world(0, 0.25)
+    policy = Policy.from_config(network)
+    recorder = Recorder(4, _encode)
+    for name in ("exploration", "navigation"):
+        task = TaskConfig.model_validate({"name": name})
+        reward = RewardConfig(kind="potential")
+        environment = Environment(simulator, mapping, make_task(task), reward, 4, make_expert(task, mapping))
+        for driver in (PolicyDriver(policy, rng), ExpertDriver()):
+            run_episode(environment, world, driver, role, seed=0, recorder=recorder, label=True)
+    simulator.close()
+
+
+def _encode(chunk: Chunk) -> None:
+    encode(Delivery("warm-up", 0, 0, chunk))
+
+
+if __name__ == "__main__":
+    follow_parent(os.getppid(), threading.Event())
+    warm_up(NetworkConfig.model_validate_json(sys.argv[1]) if len(sys.argv) > 1 else NetworkConfig())

@@ -1,0 +1,52 @@
+import pytest
+from typer.testing import CliRunner
+
+from actors.cli import app, free_names
+from actors.options import ActorOptions, host_name
+from common.config.schema import BusConfig, RunConfig
+from common.ids import check_id
+from tests.actors.learner_end import free_port
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["--gui", "--num", "2"], "--num 1"),
+        (["--gui", "--sim", "grid"], "pybullet"),
+        (["--name", "Not a name"], "lower-case"),
+        (["--tls-ca", "ca.pem"], "all three"),
+        (["--connect", "nowhere"], "tcp/HOST:PORT"),
+        (["--connect", f"tcp/127.0.0.1:{free_port()}"], "hd-learner start"),
+    ],
+)
+def test_bad_options_are_one_clear_line(arguments, word):
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 1
+    assert word in result.output
+    assert "Traceback" not in result.output
+
+
+def test_help_shows_examples():
+    result = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200"})
+    assert result.exit_code == 0
+    assert "hd-actor --num 8" in result.output
+
+
+def test_names_skip_those_that_are_there():
+    assert free_names("desk", 3, frozenset({"desk-0", "desk-2", "other-1"})) == ["desk-1", "desk-3", "desk-4"]
+
+
+def test_the_name_of_this_host_is_an_id():
+    assert check_id(f"{host_name()}-eval-1023", "name")
+
+
+def test_an_actors_own_choices_win():
+    options = ActorOptions(name="a", run="r", bus=BusConfig(), simulator="grid", maps=("generator:rooms",))
+    config = RunConfig.model_validate({"maps": {"train": ["x"], "validation": ["y"]}})
+    assert options.apply(config).simulator.name == "grid"
+    assert options.apply(config).maps.train == ("generator:rooms",)
+    assert options.apply(config).maps.validation == ("y",)
+    evaluator = options.model_copy(update={"evaluate": True})
+    assert evaluator.apply(config).maps.train == ("x",)
+    assert evaluator.apply(config).maps.validation == ("generator:rooms",)
+    assert ActorOptions.model_validate_json(options.model_dump_json()) == options

@@ -1,0 +1,128 @@
+"""Real processes of `hd-actor` under their supervisor."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import psutil
+import pytest
+
+from tests.actors.learner_end import LearnerEnd, free_port
+
+
+class Command:
+    """`python -m actors` as a process, with its output."""
+
+    def __init__(self, *arguments):
+        self.output = ""
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "actors", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self.reader = threading.Thread(target=self._read)
+        self.reader.start()
+
+    def _read(self):
+        with self.process.stdout as lines:
+            for line in lines:
+                self.output += line
+
+    def actors(self):
+        """Process numbers of the actors, by name."""
+        found = {}
+        for child in psutil.Process(self.process.pid).children():
+            line = " ".join(child.cmdline())
+            name = re.search(r'"name":"([a-z0-9-]+)"', line)
+            if "actors.process" in line and name:
+                found[name[1]] = child.pid
+        return found
+
+    def wait(self, timeout):
+        code = self.process.wait(timeout)
+        self.reader.join(5)
+        return code
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait()
+        self.reader.join(5)
+
+
+def gone(pid, timeout=5.0):
+    deadline = time.monotonic() + timeout
+    while time.monotonic() < deadline:
+        if not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE:
+            return True
+        time.sleep(0.05)
+    return False
+
+
+@pytest.mark.slow
+def test_actors_are_restarted_after_a_kill_and_end_in_order():
+    with (
+        LearnerEnd(free_port()) as learner,
+        Command("--num", "2", "--connect", learner.endpoint, "--name", "desk") as command,
+    ):
+        both = {"desk-0", "desk-1"}
+        assert learner.wait_for(lambda: {d.actor for d in learner.deliveries} == both), command.output
+        first = {d.actor: d.incarnation for d in learner.deliveries}
+        victim = command.actors()["desk-1"]
+        os.kill(victim, signal.SIGKILL)
+        assert learner.wait_for(
+            lambda: any(d.actor == "desk-1" and d.incarnation != first["desk-1"] for d in learner.deliveries)
+        ), command.output
+        assert "desk-1 was killed by SIGKILL" in command.output
+        assert {d.incarnation for d in learner.deliveries if d.actor == "desk-0"} == {first["desk-0"]}
+        children = command.actors()
+        assert set(children) == both
+        began = time.monotonic()
+        command.process.send_signal(signal.SIGINT)
+        assert command.wait(10) == 0, command.output
+        assert time.monotonic() - began < 5.0
+        assert all(gone(pid) for pid in children.values())
+    for actor, incarnation in {(d.actor, d.incarnation) for d in learner.deliveries}:
+        numbers = [d.sequence for d in learner.deliveries if (d.actor, d.incarnation) == (actor, incarnation)]
+        assert sorted(numbers) == list(range(len(numbers)))
+
+
+@pytest.mark.slow
+def test_actors_end_with_a_supervisor_that_is_killed():
+    with LearnerEnd(free_port()) as learner, Command("--connect", learner.endpoint, "--name", "desk") as command:
+        assert learner.wait_for(lambda: len(learner.deliveries) > 0), command.output
+        (child,) = command.actors().values()
+        os.kill(command.process.pid, signal.SIGKILL)
+        assert gone(child)
+
+
+@pytest.mark.slow
+def test_what_a_user_has_to_mend_ends_the_command():
+    with (
+        LearnerEnd(free_port()) as learner,
+        Command("--connect", learner.endpoint, "--maps", "/no/such/folder") as command,
+    ):
+        assert command.wait(60) == 1
+        assert "/no/such/folder" in command.output
+        assert "cannot work" in command.output
+
+
+@pytest.mark.slow
+def test_a_supervisor_waits_for_a_named_run_and_stops_in_time():
+    with Command("--run", "later", "--connect", f"tcp/127.0.0.1:{free_port()}") as command:
+        deadline = time.monotonic() + 60
+        while "waiting for the learner" not in command.output and time.monotonic() < deadline:
+            time.sleep(0.1)
+        assert "waiting for the learner of run 'later'" in command.output
+        began = time.monotonic()
+        command.process.send_signal(signal.SIGTERM)
+        assert command.wait(10) == 0
+        assert time.monotonic() - began < 5.0
