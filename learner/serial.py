@@ -1,0 +1,100 @@
+"""Serial mode: the learner and one actor take turns in one process, without a network.
+
+The same code as in a distributed run, so a debugger sees all of it and nothing depends on timing: the same seed gives
+the same weights. This is the one module of `learner` that knows `actors`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+
+from rich.console import Console
+
+from actors.collector import Collector
+from common.messages.experience import Chunk, Delivery, EpisodeReport
+from common.runtime import limit_threads
+from learner.device import choose_device
+from learner.loop import train
+from learner.process import stop_signals
+from learner.report import Reporter
+from learner.run_folder import RunFolder
+from learner.sac import SacLearner
+from learner.trainer import Algorithm, PublishedVersion, Trainer
+from learner.view import View
+
+logger = logging.getLogger(__name__)
+
+ACTOR = "serial"
+
+
+class SerialTrainer(Trainer):
+    """A trainer that collects its own experience whenever the declared ratio asks for more."""
+
+    def __init__(self, run: RunFolder, algorithm: Algorithm) -> None:
+        super().__init__(run, algorithm, self._load)
+        self._collector: Collector | None = None
+        self._version: PublishedVersion | None = None
+        self._incarnation = 0
+        self._sequence = 0
+
+    def collect_here(self) -> None:
+        """Make the actor; call it after `begin` or `resume`.
+
+        The steps behind it tell a resumed actor from the one before it: other worlds, other sequence numbers.
+        """
+        self._incarnation = self.keeper.steps
+        self._collector = Collector(self.config, [self.config.seed, self._incarnation], self._deliver)
+
+    def data_is_ready(self) -> bool:
+        """Run episodes until the ratio allows the next update; return whether it does."""
+        assert self._collector is not None, "collect_here comes first"
+        while not (ready := self._may_learn()) and not self.finished:
+            if self._version is not None:
+                version, self._version = self._version, None
+                self._collector.load(version.weights, version.version, version.updates)
+            self._collector.collect(lambda: not self.stopping)
+        return ready
+
+    def close(self) -> None:
+        """Close the simulator and all files."""
+        if self._collector is not None:
+            self._collector.close()
+        super().close()
+
+    def _load(self, version: PublishedVersion) -> None:
+        self._version = version
+
+    def _deliver(self, body: Chunk | EpisodeReport) -> None:
+        self.ingest.store(Delivery(ACTOR, self._incarnation, self._sequence, body))
+        self._sequence += 1
+
+
+def run_serial(run: RunFolder, console: Console, *, resume: bool) -> None:
+    """Train the run in ``run`` in this process until it is complete or told to stop.
+
+    Args:
+        run: the run's folder.
+        console: shared by log and view.
+        resume: continue from its newest checkpoint.
+
+    Raises:
+        HDError: when a map or a simulator cannot be used, the run cannot be continued, or training diverges.
+    """
+    config = run.config
+    limit_threads(config.learner.threads)
+    with contextlib.ExitStack() as stack:
+        algorithm = SacLearner(config, choose_device(config.learner.device))
+        trainer = SerialTrainer(run, algorithm)
+        stack.callback(trainer.close)
+        if resume:
+            trainer.resume()
+        else:
+            trainer.begin()
+        trainer.collect_here()
+        reporter = Reporter(trainer, str(algorithm.device))
+        stack.enter_context(View(reporter.status, console))
+        with stop_signals(trainer):
+            train(trainer)
+        words = "is complete" if trainer.complete else "was stopped"
+        logger.info("run %s %s after %d updates", config.name, words, trainer.keeper.updates)
