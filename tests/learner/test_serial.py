@@ -12,7 +12,7 @@ from learner.run_folder import RunFolder
 from learner.serial import run_serial
 
 SMALL = [
-    "maps.train=generator:rooms?width=192&height=144",
+    "maps.train=generator:rooms?width=256&height=192",
     "network.width=16",
     "network.heads=2",
     "network.layers=1",
