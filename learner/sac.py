@@ -123,10 +123,12 @@ class SacLearner:
         for module, values in self._modules().items():
             for name, value in values.state_dict().items():
                 tensors[f"{module}/{name}"] = value.detach().cpu().clone().contiguous()
-        for optimiser, held in self._optimisers.items():
-            for name, value in held.state().items():
-                tensors[f"optimiser.{optimiser}/{name}"] = value
-        return tensors, {"updates": self.updates, "random": self._rng.bit_generator.state}
+        moments: dict[str, int] = {}
+        for optimiser, adam in self._optimisers.items():
+            held = adam.state()
+            moments[optimiser] = len(held)
+            tensors.update({f"optimiser.{optimiser}/{name}": value for name, value in held.items()})
+        return tensors, {"updates": self.updates, "random": self._rng.bit_generator.state, "moments": moments}
 
     def restore(self, tensors: dict[str, Tensor], values: dict[str, Any]) -> None:
         """Continue from a `state`.
@@ -139,9 +141,14 @@ class SacLearner:
         for full_name, value in tensors.items():
             group, _, name = full_name.partition("/")
             groups.setdefault(group, {})[name] = value
-        missing = (set(self._modules()) - set(groups)) | ({"updates", "random"} - set(values))
+        missing = (set(self._modules()) - set(groups)) | ({"updates", "random", "moments"} - set(values))
+        for optimiser, count in values.get("moments", {}).items():
+            if len(groups.get(f"optimiser.{optimiser}", {})) != count:
+                missing.add(f"optimiser.{optimiser}")
         if missing:
-            raise CheckpointError(f"the learner's state lacks {sorted(missing)}: use an older checkpoint")
+            raise CheckpointError(
+                f"the learner's state lacks all or part of {sorted(missing)}: use an older checkpoint"
+            )
         for module, held in self._modules().items():
             load_arrays(held, {name: value.numpy() for name, value in groups[module].items()})
         for optimiser, adam in self._optimisers.items():

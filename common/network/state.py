@@ -26,4 +26,4 @@ def load_arrays(module: nn.Module, arrays: Arrays) -> None:
     check_parameters(arrays, {name: tuple(value.shape) for name, value in state.items()})
     with torch.no_grad():
         for name, value in state.items():
-            value.copy_(torch.from_numpy(np.ascontiguousarray(arrays[name])))
+            value.copy_(torch.from_numpy(np.array(arrays[name], order="C")))
