@@ -97,7 +97,9 @@ class QueryServer:
         for _ in self._threads:
             self._waiting.put(None)
         for thread in self._threads:
-            thread.join()
+            # An answer may close its own server, for example a command to stop.
+            if thread is not threading.current_thread():
+                thread.join()
 
     def __enter__(self) -> Self:
         return self

@@ -265,6 +265,7 @@ class ExperienceSender:
     def _done(self, sequence: int, ack: Ack) -> None:
         if ack.stored:
             self.acknowledged += 1
+            log.debug("message %d of incarnation %d is acknowledged", sequence, self.incarnation)
         else:
             self.refused += 1
             log.error("the learner refused message %d: %s", sequence, ack.error)

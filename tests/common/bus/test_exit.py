@@ -4,6 +4,8 @@ import signal
 import subprocess
 import sys
 
+import pytest
+
 from tests.common.bus.processes import ROOT, loopback
 
 # Everything that a process can have open; `close` says how it ends.
@@ -19,8 +21,11 @@ from common.bus.weights import WeightsPublisher, WeightsPuller
 from common.config.schema import BusConfig
 from common.messages.replies import Spec
 from contextlib import ExitStack
-from tests.common.messages import samples
+from common.messages.experience import EpisodeReport
+from common.messages.weights import Weights
 
+report = EpisodeReport("exploration", "rooms-7", "grid", "train", "policy", 3, 41, 260.5, True, 1.0, 12.5, 0, 3.5)
+weights = Weights.of({}, learner=1, version=1, updates=1)
 config = BusConfig(listen=sys.argv[1])
 role, end = sys.argv[2:]
 stack = ExitStack()
@@ -38,7 +43,7 @@ def begin():
             enter(ControlServer(session, "run", lambda command: {})),
             enter(StatsTable(session, "run")),
         ]
-        things[3].publish(samples.weights())
+        things[3].publish(weights)
     else:
         session = enter(open_client_session(config))
         things = [
@@ -46,7 +51,7 @@ def begin():
             enter(ExperienceSender(session, "run", "desk-0")),
             enter(WeightsPuller(session, "run")),
         ]
-        things[1].send(samples.report())
+        things[1].send(report)
     time.sleep(0.2)
     print("ready", flush=True)
 
@@ -70,17 +75,18 @@ else:
 """
 
 
-EXPECTED = {
-    ("learner", "normal"): 0,
-    ("learner", "error"): 1,
-    ("learner", "forgotten"): 0,
-    ("actor", "exit"): 3,
-    ("actor", "interrupt"): -signal.SIGINT,
-    ("actor", "forgotten"): 0,
-}
+CODES = {"normal": 0, "error": 1, "exit": 3, "interrupt": -signal.SIGINT, "forgotten": 0}
+QUICK = [("learner", "forgotten"), ("learner", "error"), ("actor", "forgotten"), ("actor", "interrupt")]
 
 
-def test_processes_end_whatever_way_they_end():
+@pytest.mark.parametrize(
+    "ways",
+    [
+        pytest.param(QUICK, id="the worst"),
+        pytest.param([(role, end) for role in ("learner", "actor") for end in CODES], id="all", marks=pytest.mark.slow),
+    ],
+)
+def test_processes_end_whatever_way_they_end(ways):
     """No way of ending hangs: not even leaving everything open."""
     processes = {
         (role, end): subprocess.Popen(
@@ -90,13 +96,13 @@ def test_processes_end_whatever_way_they_end():
             stderr=subprocess.DEVNULL,
             text=True,
         )
-        for role, end in EXPECTED
+        for role, end in ways
     }
     try:
         for way, process in processes.items():
             output, _ = process.communicate(timeout=60)
             assert output == "ready\n", way
-            assert process.returncode == EXPECTED[way], way
+            assert process.returncode == CODES[way[1]], way
     finally:
         for process in processes.values():
             process.kill()
