@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Final
 
 import numpy as np
@@ -89,6 +90,8 @@ class Mapper:
     Attributes:
         belief: the grid; it grows by itself when a scan reaches outside.
         target: (x, y) of the navigation target, metres, or None.
+        frontiers_removed: frontier cells that updates have found to be frontiers no more, since the start; it only
+            rises, so that differences tell what a step achieved.
     """
 
     def __init__(
@@ -115,6 +118,7 @@ class Mapper:
                 raise MappingError(f"{name} must be finite, got {point}: pass (x, y) in metres")
         self.belief = Belief(config.resolution, config.sensor_range, anchor=lattice_origin, bounds=bounds)
         self.target = target
+        self.frontiers_removed = 0
         self._config = config
         self._lattice_origin = lattice_origin
         self._spacing_subcells = round(config.viewpoint_spacing / config.resolution * SUBCELLS)
@@ -138,7 +142,7 @@ class Mapper:
         Raises:
             MappingError: the pose is not finite, or more viewpoints are reachable than an observation can hold.
         """
-        if not np.isfinite(pose.position).all():
+        if not (isfinite(pose.x) and isfinite(pose.y)):
             raise MappingError(f"a pose must be finite, got {pose}: check the robot's localisation")
         belief = self.belief
         if belief.generation != self._generation:
@@ -148,6 +152,7 @@ class Mapper:
         changed = belief.take_changes()
         if changed is not None:
             frontier_changes = self._frontiers.update(padded, changed)
+            self.frontiers_removed += len(frontier_changes.removed)
             self._graph.update(cells, width, changed, frontier_changes.lost)
             self._utility.update(cells, width, changed, frontier_changes)
         self._pose = pose

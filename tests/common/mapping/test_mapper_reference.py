@@ -158,6 +158,30 @@ def test_follows_any_change_of_any_cell(seed, resolution, steps):
         assert_same(mapper, reference)
 
 
+def test_every_single_cell_may_come_and_go():
+    """Each cell in turn becomes a wall and free again; what came of it equals a mapper that saw nothing else."""
+    config = MappingConfig(resolution=0.5, sensor_range=4.0, viewpoint_spacing=2.0, beacon_range=4.0)
+    cells = np.zeros((18, 18), dtype=np.int8)
+    cells[9:, 12:] = -1
+    mapper = Mapper(config, lattice_origin=(0.0, 0.0))
+    mapper.belief.assign(cells, (0.0, 0.0))
+    mapper.update(Pose(4.0, 4.0))
+    for row, column in np.ndindex(cells.shape):
+        for value in (100, -1 - cells[row, column], cells[row, column]):
+            changed = cells.copy()
+            changed[row, column] = value
+            mapper.belief.assign(np.array([[value]], dtype=np.int8), (0.5 * column, 0.5 * row))
+            mapper.update(Pose(4.0, 4.0))
+            fresh = Mapper(config, lattice_origin=(0.0, 0.0))
+            fresh.belief.assign(changed, (0.0, 0.0))
+            fresh.update(Pose(4.0, 4.0))
+            np.testing.assert_array_equal(mapper.frontiers, fresh.frontiers)
+            np.testing.assert_array_equal(mapper._graph.exists, fresh._graph.exists)
+            np.testing.assert_array_equal(mapper._graph.edges, fresh._graph.edges)
+            np.testing.assert_array_equal(mapper._utility.counts, fresh._utility.counts)
+            assert mapper.explored_area == fresh.explored_area
+
+
 @pytest.mark.slow
 def test_equals_the_reference_on_a_long_walk():
     rng = np.random.default_rng(7)
