@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
@@ -43,14 +44,12 @@ def wall_faces(world: GridMap, bottom: float, top: float) -> Quads:
     Everything outside the grid is occupied. Neighbouring faces share their corners exactly, so that no ray slips
     through between them.
     """
-    free = np.pad(world.free, 1).astype(np.int8)
     longest = max(1, round(LONGEST_FACE / world.resolution))
-    # Lines along x: between row r - 1 and row r; +1 where the upper side is free. Then lines along y, likewise.
-    line, first, last, sign = _runs(free[1:, :] - free[:-1, :], longest)
-    along_x = np.stack([first - 1, line, last - 1, line], axis=1)
+    line, first, end, sign = _border_runs(world.free, longest).T
+    along_x = np.stack([first, line, end, line], axis=1)
     along_x[sign > 0] = along_x[sign > 0][:, [2, 3, 0, 1]]
-    line, first, last, sign = _runs((free[:, 1:] - free[:, :-1]).T, longest)
-    along_y = np.stack([line, first - 1, line, last - 1], axis=1)
+    line, first, end, sign = _border_runs(np.ascontiguousarray(world.free.T), longest).T
+    along_y = np.stack([line, first, line, end], axis=1)
     along_y[sign < 0] = along_y[sign < 0][:, [2, 3, 0, 1]]
     ends = np.concatenate([along_x, along_y]) * world.resolution + np.tile(world.origin, 2)
     corners = np.empty((len(ends), 4, 3))
@@ -63,7 +62,9 @@ def wall_faces(world: GridMap, bottom: float, top: float) -> Quads:
 
 def wall_tops(world: GridMap, height: float) -> Quads:
     """Return the tops of the occupied cells of the grid, merged into rectangles, looking up."""
-    line, first, last, _ = _runs((~world.free).astype(np.int8), max(world.free.shape) + 1)
+    padded = np.pad(~world.free, ((0, 0), (1, 1)))
+    line, first = np.nonzero(padded[:, 1:] & ~padded[:, :-1])
+    _, last = np.nonzero(~padded[:, 1:] & padded[:, :-1])
     # A run that continues the same columns of the row below joins its rectangle.
     order = np.lexsort((line, last, first))
     line, first, last = line[order], first[order], last[order]
@@ -82,13 +83,36 @@ def wall_tops(world: GridMap, height: float) -> Quads:
     return Quads(corners)
 
 
-def _runs(
-    sign: NDArray[np.int8], longest: int
-) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], NDArray[np.int8]]:
-    """Return (line, first, end, sign) of the runs of equal non-zero values along axis 1, cut at each ``longest``."""
-    padded = np.pad(sign, ((0, 0), (1, 1)))
-    change = padded[:, 1:] != padded[:, :-1]
-    change[:, ::longest] = True
-    line, first = np.nonzero(change & (padded[:, 1:] != 0))
-    _, end = np.nonzero(change & (padded[:, :-1] != 0))
-    return line, first, end, sign[line, first]
+@njit(cache=True, nogil=True)
+def _border_runs(free: NDArray[np.bool_], longest: int) -> NDArray[np.int64]:
+    """Find the borders between free and occupied cells along the lines between rows.
+
+    Returns:
+        (line, first, end, sign) per run of at most ``longest`` cells, int64, shape (n, 4): between rows line - 1 and
+        line, columns first to end - 1; sign is 1 where the row ``line`` is the free one, else -1.
+    """
+    rows, columns = free.shape
+    padded = np.zeros((rows + 2, columns + 1), dtype=np.bool_)
+    padded[1:-1, :-1] = free
+    runs = np.empty((256, 4), dtype=np.int64)
+    count = 0
+    for line in range(rows + 1):
+        below, above = padded[line], padded[line + 1]
+        differ = False
+        for column in range(columns):
+            differ |= below[column] != above[column]
+        if not differ:
+            continue
+        first, open_sign = 0, 0
+        for column in range(columns + 1):
+            sign = int(above[column]) - int(below[column])
+            if sign != open_sign or (open_sign != 0 and column - first == longest):
+                if open_sign != 0:
+                    if count == len(runs):
+                        larger = np.empty((2 * count, 4), dtype=np.int64)
+                        larger[:count] = runs
+                        runs = larger
+                    runs[count] = (line, first, column, open_sign)
+                    count += 1
+                first, open_sign = column, sign
+    return runs[:count]
