@@ -16,9 +16,9 @@ from actors.maps.grid_map import GridMap
 from actors.maps.layout import BLOCK
 from actors.maps.paths import shortest_distance
 
-ROOM_SIDE = 3 * BLOCK
+ROOM_SIDE = 3
 """Free space that a square of three blocks fits into is a room, the rest is corridor (two blocks in public maps)."""
-_SMALL = 4 * BLOCK * BLOCK
+_SMALL = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,23 +51,23 @@ MEASURES = tuple(field.name for field in fields(MapStatistics))
 
 def measure(world: GridMap) -> MapStatistics:
     """Measure one map; its free space should be one region."""
-    free = world.free
-    opened = open_by_square(free, ROOM_SIDE)
+    free, block = _reduce(world.free)
+    opened = open_by_square(free, ROOM_SIDE * block)
     area = int(np.count_nonzero(free))
     rooms, room_count = label_regions(opened)
     rows = np.flatnonzero(free.any(axis=1))
     columns = np.flatnonzero(free.any(axis=0))
     distance = np.nan
     if world.target is not None:
-        distance = shortest_distance(free, _cell(world, world.start), _cell(world, world.target)) / BLOCK
+        distance = shortest_distance(world.free, world.cell(world.start), world.cell(world.target)) / BLOCK
     return MapStatistics(
-        free_blocks=area / BLOCK**2,
+        free_blocks=area / block**2,
         rooms=room_count,
         corridor_share=1.0 - np.count_nonzero(opened) / max(area, 1),
         loops=label_regions(free)[1] - euler_characteristic(free),
-        dead_ends=_dead_ends(free, opened, rooms, room_count),
-        extent_x=(columns[-1] + 1 - columns[0]) / BLOCK if area else 0.0,
-        extent_y=(rows[-1] + 1 - rows[0]) / BLOCK if area else 0.0,
+        dead_ends=_dead_ends(free, opened, rooms, room_count, _SMALL * block * block),
+        extent_x=(columns[-1] + 1 - columns[0]) / block if area else 0.0,
+        extent_y=(rows[-1] + 1 - rows[0]) / block if area else 0.0,
         target_distance=float(distance),
     )
 
@@ -76,6 +76,20 @@ def measure_all(worlds: Sequence[GridMap]) -> dict[str, NDArray[np.float64]]:
     """Measure several maps; returns one array per measure, in the order of the maps."""
     measured = [measure(world) for world in worlds]
     return {name: np.array([getattr(one, name) for one in measured], dtype=np.float64) for name in MEASURES}
+
+
+def distance(reference: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Return the mean gap between two quantile functions, in standard deviations of the reference.
+
+    Numbers that are not finite are left out; NaN when a set has none left. Two samples of 300 from one distribution
+    are about 0.1 apart.
+    """
+    a, b = reference[np.isfinite(reference)], other[np.isfinite(other)]
+    if not len(a) or not len(b):
+        return float("nan")
+    levels = np.linspace(0.02, 0.98, 49)
+    gap = np.abs(np.quantile(a, levels) - np.quantile(b, levels)).mean()
+    return float(gap / max(a.std(), 1e-9))
 
 
 def open_by_square(mask: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
@@ -98,17 +112,35 @@ def euler_characteristic(mask: NDArray[np.bool_]) -> int:
     return int(np.count_nonzero(total == 1) - np.count_nonzero(total == 3) + 2 * diagonal) // 4
 
 
+def _reduce(free: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], int]:
+    """Return the free space on cells as large as its shapes allow, and the cells per side of a block.
+
+    Maps made of blocks keep every measure at a quarter of the resolution, for a sixteenth of the work.
+    """
+    for factor in (4, 2):
+        sample = free[::factor, ::factor]
+        if np.array_equal(sample.repeat(factor, axis=0).repeat(factor, axis=1), free):
+            return np.ascontiguousarray(sample), BLOCK // factor
+    return free, BLOCK
+
+
 def _window_sums(mask: NDArray[np.bool_], side: int) -> NDArray[np.int32]:
     table = np.zeros((mask.shape[0] + 1, mask.shape[1] + 1), dtype=np.int32)
     np.cumsum(np.cumsum(mask, axis=0, dtype=np.int32), axis=1, dtype=np.int32, out=table[1:, 1:])
     return table[side:, side:] - table[:-side, side:] - table[side:, :-side] + table[:-side, :-side]
 
 
-def _dead_ends(free: NDArray[np.bool_], opened: NDArray[np.bool_], rooms: NDArray[np.int32], room_count: int) -> int:
+def _dead_ends(
+    free: NDArray[np.bool_],
+    opened: NDArray[np.bool_],
+    rooms: NDArray[np.int32],
+    room_count: int,
+    smallest: int,
+) -> int:
     """Count rooms and corridors with one way out: a way is a connected line of contact between the two."""
     corridors, corridor_count = label_regions(free & ~opened)
     sizes = np.bincount(corridors.ravel(), minlength=corridor_count + 1)
-    large = sizes >= _SMALL
+    large = sizes >= smallest
     large[0] = False
     room_ways = np.zeros(room_count + 1, dtype=np.int64)
     corridor_ways = np.zeros(corridor_count + 1, dtype=np.int64)
@@ -131,7 +163,3 @@ def _dead_ends(free: NDArray[np.bool_], opened: NDArray[np.bool_], rooms: NDArra
         room_ways[rooms[row, column]] += 1
         corridor_ways[beside[row, column]] += 1
     return int(np.count_nonzero(room_ways[1:] == 1) + np.count_nonzero(corridor_ways[large] == 1))
-
-
-def _cell(world: GridMap, position: tuple[float, float]) -> tuple[int, int]:
-    return world.cell(position)

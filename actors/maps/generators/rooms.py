@@ -61,7 +61,7 @@ class _Style:
 
 
 _STYLES = {
-    "exploration": _Style(2, (4, 6), 2, (6, 8), overlap=3, loops=0.1, wide=0.0, far=0.0),
+    "exploration": _Style(2, (4, 6), 2, (6, 8), overlap=4, loops=0.2, wide=0.0, far=0.0),
     "navigation": _Style(1, (4, 5), 1, (3, 8), overlap=1, loops=0.2, wide=0.1, far=0.7),
 }
 _ATTEMPTS = 25

@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from actors.maps.generators.base import Generator, Plan, Share
+from actors.maps.generators.base import Generator, Plan, Share, Side
 from actors.maps.generators.lattice import finish
 from actors.maps.generators.shapes import carve_path, fill_disc, smooth_noise
 from actors.maps.layout import BLOCK
@@ -24,6 +24,10 @@ class Tunnel(Generator):
 
     kind: ClassVar[str] = "tunnel"
 
+    width: Side = 528
+    """Width of the image, pixels; a multiple of 16."""
+    height: Side = 400
+    """Height of the image, pixels; a multiple of 16."""
     loops: Share = 0.25
     """Chance of each tunnel that is not needed for connection, which closes a loop."""
     chambers: Share = 0.3
