@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from actors.expert import Expert, Judgement
 from actors.maps.grid_map import GridMap
@@ -158,7 +157,6 @@ class Environment:
         if not self.task.complete(self.coverage, self.pose):
             observation = self._go_to_viewpoint(observation)
         self._observation = observation
-        self._frontier = self._frontier_cells()
         self._settle()
         return self._observation
 
@@ -174,7 +172,7 @@ class Environment:
         """
         self._check_choice(beacon, waypoint)
         before = self.remaining() if self._reward.kind == "potential" else None
-        frontier = self._frontier
+        frontier = self.mapper.frontiers_removed
         to_target = self.task.progress(self.pose)
         travelled, collided = self.distance, self.collisions
 
@@ -188,12 +186,10 @@ class Environment:
         if not self.mapper.stuck:
             self._observation = self.mapper.observe()
         self._settle()
-        self._frontier = self._frontier_cells()
 
         outcome = StepOutcome(
             distance=self.distance - travelled,
-            frontier_removed=float(len(np.setdiff1d(frontier, self._frontier, assume_unique=True)))
-            * self._mapping.resolution,
+            frontier_removed=(self.mapper.frontiers_removed - frontier) * self._mapping.resolution,
             progress=to_target - self.task.progress(self.pose),
             complete=self.reason == "complete",
             remaining_before=before,
@@ -239,17 +235,18 @@ class Environment:
     def _settle(self) -> None:
         """Decide whether the episode ends here, and why."""
         observation = self._observation
+        self._beacons, self._waypoints = observation.beacon_nodes(), observation.waypoint_nodes()
         if self.task.complete(self.coverage, self.pose):
             self.end, self.reason = End.TERMINAL, "complete"
         elif self.mapper.stuck:
             self.end, self.reason = End.TERMINAL, "stuck"
         elif self._blocked_in_row >= MAX_BLOCKED:
             self.end, self.reason = End.TERMINAL, "blocked"
-        elif len(observation.beacon_nodes()) == 0:
+        elif len(self._beacons) == 0:
             unreachable = observation.has_target
             self.end = End.TERMINAL
             self.reason = "target unreachable" if unreachable else "nothing useful left"
-        elif len(observation.waypoint_nodes()) == 0:
+        elif len(self._waypoints) == 0:
             self.end, self.reason = End.TERMINAL, "stuck"
         elif self.steps >= self._max_steps:
             self.end, self.reason = End.TRUNCATED, "step limit"
@@ -257,11 +254,10 @@ class Environment:
     def _check_choice(self, beacon: int, waypoint: int) -> None:
         if self.end is not End.NONE:
             raise HDError(f"the episode has ended ({self.reason or 'never begun'}): call reset(world, seed) first")
-        observation = self._observation
-        if beacon not in observation.beacon_nodes():
-            raise HDError(f"beacon must be one of the nodes {observation.beacon_nodes().tolist()}, got {beacon}")
-        if waypoint not in observation.waypoint_nodes():
-            raise HDError(f"waypoint must be one of the nodes {observation.waypoint_nodes().tolist()}, got {waypoint}")
+        if beacon not in self._beacons:
+            raise HDError(f"beacon must be one of the nodes {self._beacons.tolist()}, got {beacon}")
+        if waypoint not in self._waypoints:
+            raise HDError(f"waypoint must be one of the nodes {self._waypoints.tolist()}, got {waypoint}")
 
     def _go_to_viewpoint(self, observation: Observation) -> Observation:
         """Drive to the robot's viewpoint when it stands beside it; return what is known then."""
@@ -296,11 +292,6 @@ class Environment:
         self.mapper.update(self.pose)
         belief = self.mapper.belief
         self.coverage.update(belief.cells, belief.resolution, belief.origin)
-
-    def _frontier_cells(self) -> NDArray[np.int64]:
-        """Return the frontier cells as unique numbers that do not change when the belief grows."""
-        cells = np.floor(self.mapper.frontiers / self._mapping.resolution + 1e-6).astype(np.int64)
-        return cells[:, 1] * (1 << 32) + cells[:, 0]
 
 
 def route_length(positions: list[tuple[float, float]]) -> float:

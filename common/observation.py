@@ -78,25 +78,20 @@ class Observation:
 
     def waypoint_nodes(self) -> NDArray[np.int64]:
         """Node numbers that the robot can go to next: its neighbours in bit order, then a known target in sight."""
-        mask = int(self.edges[self.robot])
-        nodes = []
-        keys = _keys(self.offsets)
-        for k in range(NEIGHBOUR_COUNT):
-            if mask >> k & 1:
-                key = _key(int(NEIGHBOUR_OFFSETS[k, 0]), int(NEIGHBOUR_OFFSETS[k, 1]))
-                nodes.append(int(np.searchsorted(keys, key)))
+        bits = np.flatnonzero(self.edges[self.robot] >> _BIT_NUMBERS & 1)
+        nodes = np.searchsorted(_keys(self.offsets), _NEIGHBOUR_KEYS[bits])
         if self.target_known and bool(np.any(self.target_links == self.robot)):
-            nodes.append(self.viewpoints)
-        return np.array(nodes, dtype=np.int64)
-
-
-def _key(dx: int, dy: int) -> int:
-    return dy * (4 * MAX_OFFSET) + dx
+            nodes = np.append(nodes, self.viewpoints)
+        return nodes
 
 
 def _keys(offsets: NDArray[np.int16]) -> NDArray[np.int64]:
     wide = offsets.astype(np.int64)
     return wide[:, 1] * (4 * MAX_OFFSET) + wide[:, 0]
+
+
+_BIT_NUMBERS = np.arange(NEIGHBOUR_COUNT, dtype=np.uint32)
+_NEIGHBOUR_KEYS = _keys(NEIGHBOUR_OFFSETS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

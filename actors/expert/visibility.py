@@ -109,12 +109,16 @@ def _look_from_all(
 
 @njit(cache=True, nogil=True)
 def fill_words(cells: NDArray[np.int64], columns: int, words: NDArray[np.uint64]) -> None:
-    """Write a set of cells (flat numbers) into tile words, which are cleared first."""
+    """Write a set of cells (flat numbers, ascending) into tile words, which are cleared first."""
     words[:] = np.uint64(0)
     tile_columns = (columns + 7) >> 3
+    r = 0
+    first = 0
     for i in range(len(cells)):
-        r = cells[i] // columns
-        c = cells[i] - r * columns
+        while cells[i] >= first + columns:
+            r += 1
+            first += columns
+        c = cells[i] - first
         words[(r >> 3) * tile_columns + (c >> 3)] |= np.uint64(1) << np.uint64(((r & 7) << 3) | (c & 7))
 
 

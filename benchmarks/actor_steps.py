@@ -1,0 +1,127 @@
+"""Measure full actor steps per second on one core, and where their time goes.
+
+`python -m benchmarks.actor_steps [--seconds S] [--map SOURCE]`: one collector without a bus runs training episodes,
+sampling from a policy with random weights; chunks are encoded as for sending. Times are processor seconds of this
+process, so that other work on the machine takes little part; run it with OMP_NUM_THREADS=1. Targets: 60 steps/s with
+the paper's network (width 128, 6 layers) in kinematic PyBullet, 250 with width 64 and 3 layers in `grid`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from actors.collector import Collector
+from common.config.schema import RunConfig
+from common.messages.experience import Chunk, Delivery, EpisodeReport
+from common.messages.schema import encode
+
+SMALL = {"width": 64, "layers": 3, "heads": 4}
+PAPER = {"width": 128, "layers": 6, "heads": 8}
+CASES: dict[str, dict[str, Any]] = {
+    "grid, d 64": {"simulator": {"name": "grid"}, "network": SMALL},
+    "grid, d 128": {"simulator": {"name": "grid"}, "network": PAPER},
+    "grid, d 64, labels": {"simulator": {"name": "grid"}, "network": SMALL, "cloning": {"updates": 1}},
+    "pybullet kinematic, d 64": {"simulator": {"name": "pybullet"}, "network": SMALL},
+    "pybullet kinematic, d 128": {"simulator": {"name": "pybullet"}, "network": PAPER},
+    "pybullet dynamic, d 128": {"simulator": {"name": "pybullet", "fidelity": "dynamic"}, "network": PAPER},
+}
+
+
+class Stages:
+    """Processor seconds of each stage of a collector, what a stage calls of another left out."""
+
+    def __init__(self, collector: Collector) -> None:
+        self.seconds: dict[str, float] = defaultdict(float)
+        self._inner = [0.0]
+        environment = collector._environment
+        simulator = collector._simulator
+        self._wrap(collector.policy, "decide", "policy")
+        self._wrap(simulator, "reset", "simulator reset")
+        self._wrap(simulator, "drive_to", "drive")
+        self._wrap(simulator, "scan", "scan")
+        self._wrap(environment, "_sense", "mapping")
+        self._wrap(environment, "judgement", "expert")
+        self._wrap(collector._source, "draw", "world")
+
+    def _wrap(self, owner: object, name: str, stage: str) -> None:
+        inner: Callable[..., Any] = getattr(owner, name)
+
+        def timed(*arguments: Any, **options: Any) -> Any:
+            self._inner.append(0.0)
+            began = time.process_time()
+            try:
+                return inner(*arguments, **options)
+            finally:
+                spent = time.process_time() - began
+                self.seconds[stage] += spent - self._inner.pop()
+                self._inner[-1] += spent
+
+        setattr(owner, name, timed)
+
+
+@contextmanager
+def opened(settings: dict[str, Any], specs: list[str]) -> Iterator[tuple[Collector, Stages]]:
+    """Give a collector whose chunks are encoded and dropped, with its stages."""
+    config = RunConfig.model_validate({"maps": {"train": specs}, **settings})
+    sequence = 0
+
+    def deliver(body: Chunk | EpisodeReport) -> None:
+        nonlocal sequence
+        encode(Delivery("bench", 0, sequence, body))
+        sequence += 1
+
+    # Never an episode of the expert: it would say nothing about the policy's speed.
+    if config.cloning.enabled:
+        config = config.model_copy(update={"cloning": config.cloning.model_copy(update={"expert_episodes": 0.0})})
+    collector = Collector(config, [0], deliver)
+    try:
+        yield collector, Stages(collector)
+    finally:
+        collector.close()
+
+
+def measure(settings: dict[str, Any], specs: list[str], seconds: float) -> tuple[float, dict[str, float]]:
+    """Return steps per second over whole episodes, and milliseconds per step by stage."""
+    with opened(settings, specs) as (collector, stages):
+        collector.collect()
+        stages.seconds.clear()
+        before, began = collector.steps, time.process_time()
+        while time.process_time() - began < seconds:
+            collector.collect()
+        spent = time.process_time() - began
+        steps = collector.steps - before
+        split = {name: 1e3 * value / steps for name, value in stages.seconds.items()}
+        split["everything else"] = 1e3 * spent / steps - sum(split.values())
+        return steps / spent, split
+
+
+def run(seconds: float = 10.0, specs: list[str] | None = None) -> dict[str, float]:
+    """Return steps per second of every case, and milliseconds per step of their stages."""
+    results: dict[str, float] = {}
+    for name, settings in CASES.items():
+        if settings["simulator"]["name"] == "pybullet" and importlib.util.find_spec("pybullet") is None:
+            continue
+        rate, split = measure(settings, specs or ["generator:rooms"], seconds)
+        results[f"{name}: steps/s"] = rate
+        results.update({f"{name}: {stage} ms": value for stage, value in sorted(split.items())})
+    return results
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=10.0, help="measuring time of each case")
+    parser.add_argument("--map", action="append", help="source of worlds; default generator:rooms")
+    arguments = parser.parse_args()
+    for name, value in run(arguments.seconds, arguments.map).items():
+        print(f"{name:<50} {value:10.2f}")
+
+
+if __name__ == "__main__":
+    main()
