@@ -92,3 +92,36 @@ def test_tls_files_must_exist():
 )
 def test_loopback(endpoint, expected):
     assert is_loopback(endpoint) is expected
+
+
+def test_an_actor_reaches_the_learner_through_another_router():
+    router, learner_side = loopback(), loopback()
+    learner_config = learner_side.model_copy(update={"connect": (router.listen,)})
+    with (
+        open_learner_session(router),
+        open_learner_session(learner_config) as learner,
+        SpecServer(learner, Spec("office", 5, "{}")),
+        open_client_session(BusConfig(), [router.listen]) as client,
+    ):
+        assert fetch_spec(client, "office", timeout=10).learner == 5
+
+
+def test_shared_memory_can_be_switched_on():
+    config = loopback(shared_memory=True)
+    large = '{"text": "' + "x" * 100_000 + '"}'
+    with (
+        open_learner_session(config) as learner,
+        SpecServer(learner, Spec("office", 5, large)),
+        open_client_session(config) as client,
+    ):
+        assert fetch_spec(client, "office", timeout=10).config == large
+
+
+def test_a_unix_socket_serves_one_machine(tmp_path):
+    config = BusConfig(listen=f"unixsock-stream/{tmp_path / 'bus'}")
+    with (
+        open_learner_session(config) as learner,
+        SpecServer(learner, Spec("office", 5, "{}")),
+        open_client_session(config) as client,
+    ):
+        assert fetch_spec(client, "office", timeout=10).learner == 5
