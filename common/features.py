@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from common.observation import NEIGHBOUR_COUNT, ObservationBatch
+from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS, ObservationBatch
 
 FeatureSet = Literal["paper", "extended"]
 FEATURE_NAMES: dict[FeatureSet, tuple[str, ...]] = {
@@ -41,6 +41,7 @@ _LIMIT = 8.0
 # Two path lengths that differ by less are one length: sums of 1, sqrt 2, 2 and sqrt 5 in different orders.
 _TIE = 1e-6
 _LINK_SLOT = NEIGHBOUR_COUNT + 1
+_LENGTHS = np.hypot(NEIGHBOUR_OFFSETS[:, 0].astype(np.float64), NEIGHBOUR_OFFSETS[:, 1].astype(np.float64))
 
 
 def feature_count(features: FeatureSet) -> int:
@@ -199,7 +200,8 @@ def _fill_extended(
                 i = neighbours[j, slot] - first
                 if i < 0 or i in (j, target):
                     continue
-                if abs(distance[i] + math.hypot(x[i] - x[j], y[i] - y[j]) - distance[j]) < _TIE:
+                step = _length(x, y, j, i, slot, target)
+                if abs(distance[i] + step - distance[j]) < _TIE:
                     out[first + i, 13] = 1.0
     if has_target:
         distance[:] = np.inf
@@ -254,11 +256,19 @@ def _shortest_paths(
             j = neighbours[i, slot] - first
             if j < 0 or done[j]:
                 continue
-            length = distance[i] + math.hypot(x[i] - x[j], y[i] - y[j])
+            length = distance[i] + _length(x, y, i, j, slot, target)
             if length < distance[j]:
                 distance[j] = length
                 size = _push(keys, items, size, length, j)
     return order[:settled]
+
+
+@njit(cache=True, nogil=True)
+def _length(x: NDArray[np.float64], y: NDArray[np.float64], i: int, j: int, slot: int, target: int) -> float:
+    """Return the length of the edge from i to j in i's ``slot``; lattice edges need no square root."""
+    if slot < NEIGHBOUR_COUNT and i != target:
+        return _LENGTHS[slot]
+    return math.hypot(x[i] - x[j], y[i] - y[j])
 
 
 @njit(cache=True, nogil=True)
