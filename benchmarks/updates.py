@@ -2,8 +2,8 @@
 
 `python -m benchmarks.updates [--repeats N]`: SAC and cloning updates for both sizes, one thread. Times are processor
 seconds of this thread, so that other work on the machine takes little part; run it with OMP_NUM_THREADS=1 and the
-malloc settings of `common.runtime`. The dense figure is forward and backward of the policy alone, ours against the padded,
-masked implementation of the tests, on the same batch.
+malloc settings of `common.runtime`. The dense figure is forward and backward of the policy alone, ours against the
+padded, masked implementation of the tests, on the same batch.
 """
 
 from __future__ import annotations
