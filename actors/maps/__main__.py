@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from actors.maps.generators import GENERATORS
 from actors.maps.pictures import contact_sheet, distributions
 from actors.maps.png import write_png
 from actors.maps.sources import GENERATOR_PREFIX, fixed_set, open_sources
@@ -63,6 +65,21 @@ def compare(
     if plot is not None:
         named = {Path(maps).name if Path(maps).is_dir() else maps: first, _generator(generator): second}
         distributions(named, MEASURES, _folder_of(plot))
+
+
+@app.command()
+@command_errors
+def generators() -> None:
+    """List the generators and their parameters as Markdown."""
+    lines = []
+    for name, kind in GENERATORS.items():
+        lines += [f"### `{name}`", "", inspect.cleandoc(kind.__doc__ or ""), "", "| parameter | default | meaning |"]
+        lines += ["| --- | --- | --- |"]
+        for parameter, field in kind.model_fields.items():
+            default = "style's own" if field.default is None else field.default
+            lines.append(f"| `{parameter}` | {default} | {field.description} |")
+        lines.append("")
+    Console().out("\n".join(lines), highlight=False)
 
 
 @app.command()

@@ -46,6 +46,7 @@ class _Style:
         rooms: fewest and most rooms in an image of 40 x 30 blocks.
         overlap: blocks that two rooms may share in both directions.
         loops: chance per room of one more corridor.
+        nub: blocks by which a corridor reaches past its upper numbers, at most, as the public ones do.
         wide: share of corridors three blocks wide, instead of two.
         far: chance that start and target lie in the two rooms furthest apart (navigation).
     """
@@ -56,13 +57,14 @@ class _Style:
     rooms: tuple[int, int]
     overlap: int
     loops: float
+    nub: int
     wide: float
     far: float
 
 
 _STYLES = {
-    "exploration": _Style(2, (4, 6), 2, (6, 8), overlap=4, loops=0.2, wide=0.0, far=0.0),
-    "navigation": _Style(1, (4, 5), 1, (3, 8), overlap=1, loops=0.2, wide=0.1, far=0.7),
+    "exploration": _Style(2, (4, 6), 2, (6, 8), overlap=4, loops=0.2, nub=1, wide=0.0, far=0.0),
+    "navigation": _Style(1, (4, 5), 1, (3, 8), overlap=1, loops=0.1, nub=2, wide=0.1, far=0.7),
 }
 _ATTEMPTS = 25
 
@@ -108,7 +110,8 @@ class Rooms(Generator):
             pairs.append((rooms[int(first)], rooms[int(second)]))
         for first_room, second_room in pairs:
             wide = 3 if rng.random() < style.wide else 2
-            _carve(blocks, first_room.centre, second_room.centre, wide, bool(rng.integers(2)))
+            nub = int(rng.integers(style.nub + 1))
+            _carve(blocks, first_room.centre, second_room.centre, wide, nub, bool(rng.integers(2)))
         free = np.ascontiguousarray(blocks[::-1].repeat(BLOCK, axis=0).repeat(BLOCK, axis=1))
         start, target = self._ends(rng, style, rooms)
         return Plan(free=free, start=start, target=target)
@@ -168,8 +171,16 @@ def _steps(a: tuple[int, int], b: tuple[int, int]) -> int:
     return abs(a[0] - b[0]) + abs(a[1] - b[1])
 
 
-def _carve(blocks: NDArray[np.bool_], a: tuple[int, int], b: tuple[int, int], wide: int, across_first: bool) -> None:
-    """Carve a right-angled corridor between two centres; its corner sticks out by one block, as in public maps."""
+def _carve(
+    blocks: NDArray[np.bool_],
+    a: tuple[int, int],
+    b: tuple[int, int],
+    wide: int,
+    nub: int,
+    across_first: bool,
+) -> None:
+    """Carve a right-angled corridor between two centres, given as (row, column) of the block after the middle."""
     row, column = (a[0], b[1]) if across_first else (b[0], a[1])
-    blocks[row - 1 : row - 1 + wide, min(a[1], b[1]) - 1 : max(a[1], b[1]) - 1 + wide] = True
-    blocks[min(a[0], b[0]) - 1 : max(a[0], b[0]) - 1 + wide, column - 1 : column - 1 + wide] = True
+    end = wide - 1 + nub
+    blocks[row - 1 : row - 1 + wide, min(a[1], b[1]) - 1 : max(a[1], b[1]) + end] = True
+    blocks[min(a[0], b[0]) - 1 : max(a[0], b[0]) + end, column - 1 : column - 1 + wide] = True

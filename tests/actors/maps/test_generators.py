@@ -127,7 +127,7 @@ DIGESTS = {
     "forest": "a5f84e7f09f4747f",
     "hall": "476ffff4f33ccdb5",
     "office": "885a12a2313de85b",
-    "rooms": "a3ed5d8aa532c55e",
+    "rooms": "d546df9153be6253",
     "tunnel": "bbcb8c91550e9ff7",
     "warehouse": "65a8cf02b0869103",
 }
