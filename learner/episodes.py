@@ -77,7 +77,7 @@ class EpisodeLog:
         if length is not None and length < path.stat().st_size:
             os.truncate(path, length)
         self._recall()
-        self._file = path.open("ab", buffering=0)
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC)
         self._length = path.stat().st_size
 
     @property
@@ -88,7 +88,7 @@ class EpisodeLog:
     def append(self, report: EpisodeReport, **context: Any) -> None:
         """Write one line: the report, and what the learner adds to it."""
         line = json.dumps({**context, **dataclasses.asdict(report)}).encode() + b"\n"
-        self._file.write(line)
+        os.write(self._descriptor, line)
         self._length += len(line)
         self._late[group_of(report)].append(report)
 
@@ -99,7 +99,9 @@ class EpisodeLog:
 
     def close(self) -> None:
         """Close the file; safe to call twice."""
-        self._file.close()
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
 
     def _recall(self) -> None:
         names = {field.name for field in dataclasses.fields(EpisodeReport)}

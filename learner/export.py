@@ -6,7 +6,6 @@ import logging
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from common.config.schema import MappingConfig, NetworkConfig
@@ -53,7 +52,7 @@ def export_policy(run: Path, which: str, out: Path) -> PolicyCard:
 def policy_of(checkpoint: Checkpoint) -> dict[str, NDArray[Any]]:
     """Return the policy that a training checkpoint carries for export."""
     found = {
-        name.removeprefix(EXPORT_PREFIX): np.array(tensor)
+        name.removeprefix(EXPORT_PREFIX): tensor.numpy()
         for name, tensor in checkpoint.tensors.items()
         if name.startswith(EXPORT_PREFIX)
     }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from torch.utils.tensorboard import SummaryWriter
@@ -65,6 +65,16 @@ class Means:
         with self._lock:
             sums, self._sums = self._sums, {}
         return {name: total / count for name, (total, count) in sums.items()}
+
+    def state(self) -> dict[str, list[float]]:
+        """Return the values since the last reading, ready for JSON."""
+        with self._lock:
+            return {name: [total, count] for name, (total, count) in self._sums.items()}
+
+    def restore(self, state: Mapping[str, Sequence[float]]) -> None:
+        """Take over the values of an earlier process."""
+        with self._lock:
+            self._sums = {name: (float(total), int(count)) for name, (total, count) in state.items()}
 
 
 class Curves:

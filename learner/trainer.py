@@ -143,6 +143,7 @@ class Trainer:
             tensors = {k: v for k, v in checkpoint.tensors.items() if not k.startswith(EXPORT_PREFIX)}
             self.algorithm.restore(tensors, document["algorithm"])
             self._rng.bit_generator.state = document["rng"]
+            self._figures.restore(document["figures"])
             self._open_records(int(snapshot["episodes_length"]), updates)
             self.ingest.rebuild(snapshot, updates)
         except (KeyError, TypeError, ValueError, RuntimeError) as error:
@@ -217,6 +218,7 @@ class Trainer:
         self.keeper.note_update()
         self.updates_rate.add()
         self._figures.add(figures)
+        self.losses = self.losses or figures
         self._means.add({"time/update_ms": 1e3 * (time.perf_counter() - began)})
 
     def publish(self) -> None:
@@ -272,6 +274,7 @@ class Trainer:
                 "updates": updates,
                 "algorithm": document,
                 "rng": self._rng.bit_generator.state,
+                "figures": self._figures.state(),
                 "ingest": snapshot,
                 "policy": {name: value for name, value in card.items() if name not in ("network", "mapping")},
             },

@@ -8,7 +8,8 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
-from rich.console import Console, Group, RenderableType
+from rich.columns import Columns
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.live import Live
 from rich.panel import Panel
 from rich.progress_bar import ProgressBar
@@ -100,15 +101,15 @@ def line(status: LearnerStatus) -> str:
 
 
 def render(status: LearnerStatus) -> RenderableType:
-    """Lay the whole status out for a terminal."""
+    """Lay the whole status out for a terminal of 80 columns or more."""
     return Group(
         Panel(
-            _figures(status),
+            Group(_figures(status), _losses(status)),
             title=Text.assemble(("HDPlanner ", "bold"), status.run, "  ", _state(status)),
             subtitle=Text(f"{status.endpoint or 'serial'}   {status.folder}   {status.device}", style="dim"),
         ),
         _episodes(status),
-        _actors(status),
+        _Actors(status),
     )
 
 
@@ -117,41 +118,60 @@ def _state(status: LearnerStatus) -> tuple[str, str]:
 
 
 def _figures(status: LearnerStatus) -> RenderableType:
-    table = Table.grid(padding=(0, 2), expand=True)
-    for _ in range(3):
-        table.add_column(ratio=1)
-    collected = Table.grid(padding=(0, 1))
+    collected = _grid()
     _row(collected, "collected", f"{status.steps:,} steps", f"{status.steps_per_second:.1f}/s")
     _row(collected, "episodes", f"{status.episodes:,}", "")
-    _row(collected, "replay", f"{status.replay:,} of {status.replay_capacity:,}", f"{status.replay_bytes / 1e6:.0f} MB")
-    collected.add_row("", ProgressBar(total=1.0, completed=status.replay_fill, width=24), "")
-    _row(collected, "refused", f"{status.refused:,} messages" if status.refused else "-", "")
-    trained = Table.grid(padding=(0, 1))
-    _row(trained, "updates", f"{status.updates:,} of {status.total_updates:,}", f"{status.updates_per_second:.2f}/s")
-    trained.add_row("", ProgressBar(total=status.total_updates, completed=status.updates, width=24), "")
-    _row(trained, "ratio", f"{status.ratio_actual:.4f}", f"declared {status.ratio_declared:.4f}")
-    held = f"actors pause {status.hold:.1f} s" if status.hold else ""
-    _row(trained, "lead", f"{status.ratio_lead:,.0f} steps", held)
-    _row(trained, "version", f"{status.version}", f"best {status.best}" if status.best >= 0 else "")
-    _row(trained, "checkpoint", status.last_checkpoint or "-", f"next in {status.next_checkpoint:.0f} s")
-    losses = Table.grid(padding=(0, 1))
-    for name, value in sorted(status.losses.items()):
-        losses.add_row(Text(name, style="cyan"), Text(f"{value:.4g}", justify="right"))
-    if not status.losses:
-        losses.add_row(Text("no update yet", style="dim"))
-    table.add_row(collected, trained, losses)
+    _row(collected, "replay", f"{status.replay:,}", f"{status.replay_fill:.0%}, {status.replay_bytes / 1e6:.0f} MB")
+    _row(collected, "", ProgressBar(total=1.0, completed=status.replay_fill, width=9), "")
+    refused = f"{status.refused:,} refused" if status.refused else "all valid"
+    _row(collected, "messages", refused, "")
+    trained = _grid()
+    _row(trained, "updates", f"{status.updates:,}", f"{status.updates_per_second:.2f}/s")
+    _row(trained, "", ProgressBar(total=status.total_updates, completed=status.updates, width=9), _ahead(status))
+    _row(trained, "ratio", f"{status.ratio_actual:.4f}", f"declared {status.ratio_declared:.4g}")
+    _row(trained, "version", f"{status.version}", f"best {status.best}" if status.best >= 0 else "none evaluated")
+    last = status.last_checkpoint.lstrip("0") or "0"
+    _row(trained, "checkpoint", f"at {last}", f"next in {status.next_checkpoint:.0f} s")
+    table = Table.grid(padding=(0, 1), expand=True)
+    table.add_column(ratio=1)
+    table.add_column(ratio=1)
+    table.add_row(collected, trained)
     return table
 
 
-def _row(table: Table, name: str, value: str, note: str) -> None:
-    table.add_row(Text(name, style="cyan"), Text(value), Text(note, style="dim"))
+def _ahead(status: LearnerStatus) -> str:
+    if status.hold:
+        return f"actors wait {status.hold:.1f} s"
+    return f"of {status.total_updates:,}"
+
+
+def _grid() -> Table:
+    table = Table.grid(padding=(0, 1))
+    table.add_column(style="cyan", min_width=9, no_wrap=True)
+    table.add_column(min_width=9, no_wrap=True)
+    table.add_column(style="dim", no_wrap=True)
+    return table
+
+
+def _row(table: Table, name: str, value: RenderableType, note: str) -> None:
+    table.add_row(name, value, note)
+
+
+def _losses(status: LearnerStatus) -> RenderableType:
+    if not status.losses:
+        return Text("no update yet", style="dim")
+    cells = [
+        Text.assemble((name, "cyan"), " ", f"{value:.4g}")
+        for name, value in sorted(status.losses.items())
+        if not name.startswith("gradient/")
+    ]
+    return Columns(cells, padding=(0, 2), equal=True)
 
 
 def _episodes(status: LearnerStatus) -> RenderableType:
-    table = Table(title="late episodes", title_justify="left", expand=True, box=None, header_style="bold cyan")
-    table.add_column("episodes of")
-    for title in ("number", "distance", "success", "explored", "steps", "reward", "collisions"):
-        table.add_column(title, justify="right")
+    table = _table("late episodes of")
+    for title in ("number", "distance", "success", "explored", "steps", "reward", "hits"):
+        table.add_column(title, justify="right", no_wrap=True)
     for group, means in status.late.items():
         table.add_row(
             _GROUP_TITLE.get(group, group),
@@ -168,41 +188,54 @@ def _episodes(status: LearnerStatus) -> RenderableType:
     return table
 
 
-def _actors(status: LearnerStatus) -> RenderableType:
-    title = f"actors: {_alive(status.actors, 'actor')} alive"
-    evaluators = _alive(status.actors, "evaluator")
-    if evaluators:
-        title += f", {evaluators} evaluating"
-    table = Table(title=title, title_justify="left", expand=True, box=None, header_style="bold cyan")
-    table.add_column("actor")
-    table.add_column("machine")
-    for heading in ("steps/s", "stored", "episodes", "version", "behind", "waiting", "last heard"):
-        table.add_column(heading, justify="right")
-    table.add_column("state")
-    for actor in status.actors[:MAX_ACTORS]:
-        table.add_row(*_actor_row(actor), style="" if actor.alive else "dim")
-    hidden = len(status.actors) - MAX_ACTORS
-    if hidden > 0:
-        table.add_row(Text(f"and {hidden} more", style="dim"))
-    if not status.actors:
-        table.add_row(Text("none yet: `hd-actor --num 2` starts some", style="dim"))
+def _table(first: str) -> Table:
+    table = Table(expand=True, box=None, header_style="bold cyan", pad_edge=False)
+    table.add_column(first, no_wrap=True, overflow="ellipsis")
     return table
 
 
-def _actor_row(actor: ActorStatus) -> list[RenderableType]:
-    behind = f"{actor.lag} ({actor.lag_seconds:.0f} s)" if actor.version >= 0 else "-"
-    return [
+class _Actors:
+    """Table of the actors; narrow terminals do without episodes and machines."""
+
+    def __init__(self, status: LearnerStatus) -> None:
+        self._status = status
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        actors = self._status.actors
+        wide = options.max_width >= 110
+        title = f"actors: {_alive(actors, 'actor')} alive"
+        evaluators = _alive(actors, "evaluator")
+        table = _table(title + (f", {evaluators} evaluate" if evaluators else ""))
+        for heading in ("steps/s", "stored", "version", "behind", "queue", "heard"):
+            table.add_column(heading, justify="right", no_wrap=True)
+        if wide:
+            table.add_column("episodes", justify="right", no_wrap=True)
+            table.add_column("machine", no_wrap=True)
+        table.add_column("state", no_wrap=True, overflow="ellipsis")
+        for actor in actors[:MAX_ACTORS]:
+            table.add_row(*_actor_row(actor, wide), style="" if actor.alive else "dim")
+        hidden = len(actors) - MAX_ACTORS
+        if hidden > 0:
+            table.add_row(Text(f"and {hidden} more", style="dim"))
+        if not actors:
+            table.add_row(Text("`hd-actor` starts some", style="dim"))
+        yield table
+
+
+def _actor_row(actor: ActorStatus, wide: bool) -> list[RenderableType]:
+    cells: list[RenderableType] = [
         Text(actor.name),
-        Text(actor.host),
         f"{actor.steps_per_second:.1f}",
         f"{actor.steps:,}",
-        f"{actor.episodes:,}",
         f"{actor.version}" if actor.version >= 0 else "-",
-        behind,
+        f"{actor.lag} ({actor.lag_seconds:.0f} s)" if actor.version >= 0 else "-",
         f"{actor.buffered}",
         f"{actor.silent:.0f} s" if actor.silent >= 0 else "-",
-        Text(actor.state if actor.alive else "gone", style="" if actor.alive else "red"),
     ]
+    if wide:
+        cells += [f"{actor.episodes:,}", Text(actor.host)]
+    cells.append(Text(actor.state) if actor.alive else Text("gone", style="red"))
+    return cells
 
 
 def _alive(actors: list[ActorStatus], role: str) -> int:

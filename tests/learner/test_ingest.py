@@ -1,0 +1,162 @@
+import json
+import os
+
+import numpy as np
+import pytest
+
+from common.errors import CheckpointError
+from common.messages.schema import encode
+from learner.episodes import EpisodeLog
+from learner.ingest import Ingest
+from learner.journal import Journal
+from learner.ratio import RatioKeeper
+from learner.replay import Replay
+from tests.learner.experience import deliver, episode_report
+from tests.learner.runs import episodes, small_config
+
+
+def open_ingest(folder, episodes_length=0, config=None):
+    config = config or small_config()
+    folder.mkdir(exist_ok=True)
+    replay = Replay(config.replay.capacity, config.replay.max_bytes)
+    keeper = RatioKeeper(1.0, 100, 4)
+    journal = Journal(folder / "journal")
+    return Ingest(config, replay, keeper, journal, EpisodeLog(folder / "episodes.jsonl", episodes_length)), journal
+
+
+def counts(ingest):
+    return (ingest.keeper.steps, ingest.episode_count, len(ingest.replay), ingest.version, ingest.seen_state)
+
+
+def lines(folder):
+    return [json.loads(text) for text in (folder / "episodes.jsonl").read_text().splitlines()]
+
+
+def samples(ingest):
+    batch = ingest.replay.sample(50, np.random.default_rng(0))
+    return batch.rewards.tolist(), batch.observations.edges.tolist()
+
+
+def test_each_delivery_counts_once(tmp_path):
+    ingest, journal = open_ingest(tmp_path)
+    for delivery in episodes(3):
+        ingest.store(delivery)
+        ingest.store(delivery)
+    assert counts(ingest)[:3] == (24, 3, 24)
+    assert [line["distance"] for line in lines(tmp_path)] == [100.0, 101.0, 102.0]
+    assert ingest.actors["desk-0"].steps == 24
+    journal.close()
+
+
+def test_a_killed_learner_gets_everything_back_exactly(tmp_path):
+    ingest, _ = open_ingest(tmp_path)
+    made = episodes(10)
+    for delivery in made[:14]:
+        ingest.store(delivery)
+    snapshot = json.loads(json.dumps(ingest.snapshot()))
+    for delivery in made[14:]:
+        ingest.keep_raw(encode(delivery))
+        ingest.store(delivery)
+    ingest.note_version(17)
+    # No close: the process dies here.
+    expected, drawn, written = counts(ingest), samples(ingest), lines(tmp_path)
+
+    again, journal = open_ingest(tmp_path, snapshot["episodes_length"])
+    again.rebuild(snapshot, updates=3)
+    assert counts(again) == expected
+    assert samples(again) == drawn
+    assert [line["distance"] for line in lines(tmp_path)] == [line["distance"] for line in written]
+    assert again.keeper.updates == 3
+    for delivery in made:
+        again.store(delivery)  # the actors send again what they have no acknowledgement for
+    assert counts(again) == expected
+    journal.close()
+
+
+def test_an_older_checkpoint_counts_the_same(tmp_path):
+    ingest, _ = open_ingest(tmp_path)
+    made = episodes(9)
+    snapshots = []
+    for part in range(3):
+        for delivery in made[part * 9 : part * 9 + 9]:
+            ingest.store(delivery)
+        snapshots.append(ingest.snapshot())
+    expected, drawn = counts(ingest), samples(ingest)
+    for snapshot in reversed(snapshots):
+        again, journal = open_ingest(tmp_path, snapshot["episodes_length"])
+        again.rebuild(snapshot, updates=0)
+        assert counts(again) == expected
+        assert samples(again) == drawn
+        assert len(lines(tmp_path)) == 9
+        journal.close()
+
+
+def test_segments_go_when_the_buffer_has_forgotten_them(tmp_path):
+    config = small_config(replay={"capacity": 100})
+    ingest, journal = open_ingest(tmp_path, config=config)
+    snapshot = ingest.snapshot()
+    for number, delivery in enumerate(episodes(80)):
+        ingest.store(delivery)
+        if number % 12 == 11:
+            snapshot = ingest.snapshot()
+            ingest.forget_before(snapshot["segment"])
+    assert 3 <= len(journal.segments()) <= 6
+    drawn = samples(ingest)
+    again, journal = open_ingest(tmp_path, snapshot["episodes_length"], config)
+    again.rebuild(snapshot, updates=0)
+    assert samples(again) == drawn
+    assert again.keeper.steps == 640
+    journal.close()
+
+
+def test_without_a_replay_snapshot_only_what_is_newer_comes_back(tmp_path):
+    config = small_config(checkpoints={"replay": False}, replay={"min_steps": 8})
+    ingest, _ = open_ingest(tmp_path, config=config)
+    made = episodes(6)
+    for delivery in made[:15]:
+        ingest.store(delivery)
+    snapshot = ingest.snapshot()
+    ingest.forget_before(snapshot["segment"])
+    again, journal = open_ingest(tmp_path, snapshot["episodes_length"], config)
+    again.rebuild(snapshot, updates=2)
+    assert (again.keeper.steps, len(again.replay)) == (40, 0)
+    assert not again.keeper.may_update()
+    for delivery in made[15:]:
+        again.store(delivery)
+    assert again.keeper.steps == 48
+    assert again.keeper.may_update()
+    journal.close()
+
+
+def test_what_cannot_be_written_is_not_stored(tmp_path, monkeypatch):
+    ingest, journal = open_ingest(tmp_path)
+    first, second, *_ = episodes(1)
+    ingest.store(first)
+
+    def full_disk(descriptor, data):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "write", full_disk)
+    with pytest.raises(CheckpointError, match="make room"):
+        ingest.store(second)
+    monkeypatch.undo()
+    assert ingest.keeper.steps == 4
+    ingest.store(second)
+    assert ingest.keeper.steps == 8
+    journal.close()
+
+
+def test_an_unfinished_round_of_evaluation_survives(tmp_path):
+    ingest, _ = open_ingest(tmp_path)
+    reports = [episode_report("evaluate", 6, map_name=name, distance=200.0) for name in ("a", "b")]
+    first, second = deliver(reports, actor="eval-0")
+    ingest.store(first)
+    snapshot = json.loads(json.dumps(ingest.snapshot()))
+    again, journal = open_ingest(tmp_path, snapshot["episodes_length"])
+    again.rebuild(snapshot, updates=0)
+    assert again.versions_under_evaluation == {6}
+    again.store(second)
+    (finished,) = again.finished_rounds()
+    assert (finished.version, finished.means.distance) == (6, 200.0)
+    assert again.finished_rounds() == []
+    journal.close()

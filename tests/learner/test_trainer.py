@@ -1,0 +1,246 @@
+import json
+import logging
+import threading
+import time
+
+import numpy as np
+import pytest
+import torch
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from common.errors import CheckpointError, HDError
+from common.policy import Policy
+from common.policy_file import read_policy
+from learner.export import export_policy
+from learner.loop import train
+from learner.run_folder import RunFolder
+from tests.learner.experience import deliver, episode_report
+from tests.learner.runs import POOL, episodes, make_trainer, small_config, train_some
+
+
+def new_run(tmp_path, **changes):
+    return RunFolder.create(tmp_path, small_config(**changes))
+
+
+def everything(trainer):
+    tensors, values = trainer.algorithm.state()
+    return {name: tensor.numpy().tobytes() for name, tensor in tensors.items()}, values
+
+
+def curve(run, name):
+    accumulator = EventAccumulator(str(run.tensorboard))
+    accumulator.Reload()
+    return {event.step: event.value for event in accumulator.Scalars(name)}
+
+
+def test_a_resumed_run_goes_on_with_the_same_curves(tmp_path):
+    """Save, load and 12 updates more give bit for bit what 24 updates in one go give."""
+    made = episodes(8)
+    (tmp_path / "one").mkdir()
+    (tmp_path / "two").mkdir()
+    with new_run(tmp_path / "one") as run:
+        whole, _ = make_trainer(run)
+        whole.begin()
+        for delivery in made:
+            whole.ingest.store(delivery)
+        expected = train_some(whole, 24)
+        state = everything(whole)
+        whole.close()
+    with new_run(tmp_path / "two") as run:
+        first, _ = make_trainer(run)
+        first.begin()
+        for delivery in made:
+            first.ingest.store(delivery)
+        before = train_some(first, 12)
+        first.checkpoint()
+        train_some(first, 5)  # lost with the process, and made again
+        first.close()
+    with RunFolder.open(tmp_path / "two", "test") as run:
+        second, _ = make_trainer(run)
+        second.resume()
+        after = train_some(second, 12)
+        assert before + after == expected
+        assert everything(second) == state
+        second.close()
+        resumed = curve(run, "loss/critic")
+    with RunFolder.open(tmp_path / "one", "test") as run:
+        assert resumed == curve(run, "loss/critic")
+
+
+def test_versions_go_on_rising_after_a_kill(tmp_path):
+    with new_run(tmp_path) as run:
+        trainer, published = make_trainer(run)
+        trainer.begin()
+        for delivery in episodes(4):
+            trainer.ingest.store(delivery)
+        trainer.publish()
+        train_some(trainer, 20)
+        assert [version.version for version in published] == [1, 2, 3, 4, 5]
+        trainer.close()  # no checkpoint: what is newer than the first one is in the journal alone
+    with RunFolder.open(tmp_path, "test") as run:
+        again, published = make_trainer(run)
+        again.resume()
+        again.publish()
+        assert published[-1].version == 6
+        assert again.keeper.steps == 32 and again.keeper.updates == 0
+        assert again.ingest.episode_count == 4
+        again.close()
+
+
+def test_a_damaged_newest_checkpoint_costs_updates_but_no_data(tmp_path, caplog):
+    with new_run(tmp_path) as run:
+        trainer, _ = make_trainer(run)
+        trainer.begin()
+        made = episodes(6)
+        for part in range(3):
+            for delivery in made[part * 6 : part * 6 + 6]:
+                trainer.ingest.store(delivery)
+            train_some(trainer, 4)
+            trainer.checkpoint()
+        trainer.close()
+        path = run.checkpoints / "000000012" / "tensors.safetensors"
+        path.write_bytes(path.read_bytes()[:-1])
+    with RunFolder.open(tmp_path, "test") as run:
+        again, _ = make_trainer(run)
+        again.resume()
+        assert "000000012 is damaged" in caplog.text
+        assert again.keeper.updates == 8
+        assert again.keeper.steps == 48
+        assert again.ingest.episode_count == 6 == len(run.episodes.read_text().splitlines())
+        again.checkpoint()
+        again.close()
+        assert (run.checkpoints / "damaged-000000012").is_dir()
+
+
+def test_a_checkpoint_of_another_network_is_refused_with_its_name(tmp_path):
+    with new_run(tmp_path) as run:
+        trainer, _ = make_trainer(run)
+        trainer.begin()
+        trainer.close()
+        run.reconfigure(small_config(network={"width": 32}))
+    with RunFolder.open(tmp_path, "test") as run:
+        again, _ = make_trainer(run)
+        with pytest.raises(HDError):
+            again.resume()
+        again.close()
+
+
+def test_the_loop_keeps_the_ratio_publishes_and_ends_with_a_checkpoint(tmp_path):
+    changes = {"updates_per_step": 0.5, "total_updates": 16, "publish_every": 4}
+    with new_run(tmp_path, learner=changes) as run:
+        trainer, published = make_trainer(run)
+        trainer.begin()
+        for delivery in episodes(4):
+            trainer.ingest.store(delivery)
+        train(trainer)
+        assert trainer.complete and trainer.keeper.updates == 16
+        assert [version.updates for version in published] == [0, 4, 8, 12, 16]
+        assert trainer.checkpoints.pointer("last") == "000000016"
+        assert not trainer.keeper.may_update()
+        trainer.close()
+        for name in ("loss/critic", "ratio/actual", "replay/transitions", "collect/steps", "episode_train/distance"):
+            assert sorted(curve(run, name)) == [10, 16]
+
+
+def test_a_diverged_update_ends_the_run_and_keeps_the_last_checkpoint(tmp_path):
+    with new_run(tmp_path) as run:
+        trainer, _ = make_trainer(run)
+        trainer.begin()
+        for delivery in episodes(2):
+            trainer.ingest.store(delivery)
+        with torch.no_grad():
+            next(iter(trainer.algorithm.critic.parameters())).fill_(float("nan"))
+        with pytest.raises(HDError, match=r"update 1 has diverged.*lower the learning rates"):
+            train(trainer)
+        assert trainer.checkpoints.names() == ["000000000"]
+        trainer.close()
+
+
+def test_cloning_waits_for_labels_and_says_so(tmp_path, caplog):
+    with new_run(tmp_path, cloning={"updates": 5}) as run:
+        trainer, _ = make_trainer(run)
+        trainer.begin()
+        for delivery in episodes(2):
+            trainer.ingest.store(delivery)
+        assert not trainer.data_is_ready()
+        assert not trainer.data_is_ready()
+        assert caplog.text.count("imitation waits") == 1
+        trainer.close()
+
+
+def test_the_best_policy_is_chosen_by_complete_rounds_and_exported(tmp_path, caplog):
+    caplog.set_level(logging.INFO)
+    with new_run(tmp_path) as run:
+        trainer, published = make_trainer(run)
+        trainer.begin()
+        for delivery in episodes(4):
+            trainer.ingest.store(delivery)
+        trainer.publish()
+        train_some(trainer, 10)
+        rounds = {1: (300.0, 1.0), 2: (250.0, 1.0), 3: (200.0, 0.5)}
+        for version, (distance, success) in rounds.items():
+            bodies = [
+                episode_report("evaluate", version, map_name="a", distance=distance, success=True),
+                episode_report("evaluate", version, map_name="b", distance=distance, success=success == 1.0),
+            ]
+            for delivery in deliver(bodies, actor=f"eval-{version}"):
+                trainer.ingest.store(delivery)
+            trainer.serve()
+        assert trainer.best.version == 2
+        trainer.checkpoint()
+        trainer.close()
+    card = export_policy(run.path, "best", tmp_path / "best.safetensors")
+    assert (card.version, card.updates, card.evaluation["distance"]) == (2, 5, 250.0)
+    policy, read = read_policy(tmp_path / "best.safetensors")
+    assert read == card
+    assert json.loads((tmp_path / "best.json").read_text())["task"] == "exploration"
+    averaged = published[1].averaged
+    observation = POOL[0]
+    expected = Policy(run.config.network, averaged).decide(observation, greedy=True, rng=np.random.default_rng(0))
+    decision = policy.decide(observation, greedy=True, rng=np.random.default_rng(0))
+    assert np.array_equal(decision.waypoint_probabilities, expected.waypoint_probabilities)
+    last = export_policy(run.path, "last", tmp_path / "last.safetensors")
+    assert last.updates == 10 and last.evaluation is None
+    with RunFolder.open(tmp_path, "test") as run:
+        again, _ = make_trainer(run)
+        again.resume()
+        assert again.best.version == 2
+        again.close()
+
+
+def test_a_damaged_policy_file_is_refused(tmp_path):
+    with new_run(tmp_path) as run:
+        trainer, _ = make_trainer(run)
+        trainer.begin()
+        trainer.close()
+    path = tmp_path / "p.safetensors"
+    export_policy(run.path, "last", path)
+    path.write_bytes(path.read_bytes()[:-4] + b"\0\0\0\1")
+    with pytest.raises(CheckpointError, match="is damaged, or not the file"):
+        read_policy(path)
+    with pytest.raises(CheckpointError, match="cannot read the policy"):
+        read_policy(tmp_path / "absent.safetensors")
+
+
+def test_commands_reach_the_loop(tmp_path):
+    with new_run(tmp_path) as run:
+        trainer, _ = make_trainer(run)
+        trainer.begin()
+        for delivery in episodes(2):
+            trainer.ingest.store(delivery)
+        trainer.pause()
+        loop = threading.Thread(target=train, args=(trainer,))
+        loop.start()
+        assert trainer.state == "paused"
+        assert trainer.request_checkpoint(timeout=10.0)
+        assert trainer.keeper.updates == 0
+        trainer.unpause()
+        deadline = time.monotonic() + 60.0
+        while trainer.keeper.updates < 16 and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert trainer.keeper.updates == 16
+        trainer.stop()
+        loop.join(10.0)
+        assert not loop.is_alive()
+        assert trainer.checkpoints.names()[-1] == f"{trainer.keeper.updates:09d}"
+        trainer.close()
