@@ -15,7 +15,7 @@ from actors.maps.generators.tunnel import Tunnel
 from actors.maps.generators.warehouse import Warehouse
 from common.errors import MapError
 
-__all__ = ["GENERATORS", "Generator", "make_generator"]
+__all__ = ["GENERATORS", "Generator", "make_generator", "warm_up"]
 
 GENERATORS: dict[str, type[Generator]] = {kind.kind: kind for kind in (Rooms, Office, Warehouse, Forest, Tunnel, Hall)}
 
@@ -51,6 +51,12 @@ def make_generator(name: str, parameters: dict[str, str]) -> Generator:
             given = f", got '{parameters[field]}'" if field in parameters else ""
             problems.append(f"{field + ': ' if field else ''}{problem['msg']}{given}")
         raise MapError(f"generator:{name}: {'; '.join(problems)}") from error
+
+
+def warm_up() -> None:
+    """Compile all kernels of generators and map files, or load them from numba's cache, before processes start."""
+    for name in GENERATORS:
+        make_generator(name, {"width": "192", "height": "192"}).world(0)
 
 
 def _list(names: object) -> str:

@@ -143,6 +143,12 @@ def test_worlds_are_the_same_on_every_machine(name: str) -> None:
     assert digest.hexdigest()[:16] == DIGESTS[name]
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_smallest_worlds_keep_the_guarantee(name: str) -> None:
+    for seed in range(20):
+        check(make_generator(name, {"width": "192", "height": "192"}).world(seed))
+
+
 def test_scale_and_names() -> None:
     generator = make_generator("rooms", {"width": "320", "height": "240"})
     near, far = generator.world(0, 0.25), generator.world(0, 0.5)
