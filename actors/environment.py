@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from common.errors import ConfigError, HDError, MapError
 from common.mapping.mapper import Mapper
 from common.messages.experience import End
 from common.observation import Observation
+from common.planners.lattice import LONGEST_EDGE, TOLERANCE
 
 # Nearer to its viewpoint than this, metres, the robot counts as standing on it.
 ON_VIEWPOINT = 0.3
@@ -73,6 +75,8 @@ class Environment:
         while environment.end is End.NONE:
             step = environment.step(beacon, waypoint)
 
+    A planner that chooses positions instead of nodes resets with ``on_lattice=False`` and calls ``step_to(position)``.
+
     Attributes:
         world: the world of this episode.
         mapper: what the robot knows.
@@ -84,6 +88,7 @@ class Environment:
         steps: decisions taken.
         collisions: contacts with the world.
         total_reward: sum of the rewards.
+        mapping_seconds: time that the mapper took for the scans since the last decision, seconds.
     """
 
     def __init__(
@@ -119,11 +124,18 @@ class Environment:
         self.end = End.TRUNCATED
         self.reason = ""
 
-    def reset(self, world: GridMap, seed: int) -> Observation:
+    def reset(self, world: GridMap, seed: int, *, on_lattice: bool = True) -> Observation:
         """Begin an episode and return what the robot knows at its first viewpoint.
 
         A robot that starts beside the lattice first drives to its viewpoint: this counts in the distance, but it is
         no decision.
+
+        Args:
+            world: where.
+            seed: of the simulator.
+            on_lattice: False for planners of free positions. Then the robot stays where it starts, and the episode
+                ends when the task is complete, the steps are used up or the robot is blocked for good; whether
+                anything is left to do without these, or a way to go, is the planner's to say.
 
         Raises:
             MapError: the world does not suit the task, or no viewpoint can be reached from the start.
@@ -132,10 +144,11 @@ class Environment:
         self.world = world
         self.coverage = Coverage(world)
         self.steps = self.collisions = 0
-        self.distance = self.total_reward = 0.0
+        self.distance = self.total_reward = self.mapping_seconds = 0.0
         self._blocked_in_row = 0
         self._judgement: Judgement | None = None
         self._expert_knows = False
+        self._on_lattice = on_lattice
         self.end, self.reason = End.NONE, ""
         self.pose = self._simulator.reset(world, seed)
         self.positions = [self.pose.position]
@@ -154,7 +167,7 @@ class Environment:
             )
         observation = self.mapper.observe()
         # A robot that already has its target in reach needs no viewpoint first.
-        if not self.task.complete(self.coverage, self.pose):
+        if on_lattice and not self.task.complete(self.coverage, self.pose):
             observation = self._go_to_viewpoint(observation)
         self._observation = observation
         self._settle()
@@ -171,14 +184,32 @@ class Environment:
             HDError: the episode has ended, or a node number is no valid choice.
         """
         self._check_choice(beacon, waypoint)
+        return self._advance(self.mapper.position(waypoint))
+
+    def step_to(self, position: tuple[float, float]) -> Step:
+        """Drive to a position, sense, and judge the result, as `step` does.
+
+        Args:
+            position: metres, map frame; at most one longest edge of the viewpoint graph (sqrt(5) spacings) away, and
+                the straight segment to it must be known to be free.
+
+        Raises:
+            HDError: the episode has ended, or the position breaks these rules of the nominal protocol.
+        """
+        self._check_position(position)
+        return self._advance(position)
+
+    def _advance(self, goal: tuple[float, float]) -> Step:
+        """Carry out one decision."""
         before = self.remaining() if self._reward.kind == "potential" else None
         frontier = self.mapper.frontiers_removed
         to_target = self.task.progress(self.pose)
         travelled, collided = self.distance, self.collisions
+        self.mapping_seconds = 0.0
 
-        blocked = not self._drive(self.mapper.position(waypoint))
+        blocked = not self._drive(goal)
         self._sense()
-        if blocked and not self.mapper.stuck:
+        if blocked and self._on_lattice and not self.mapper.stuck:
             self._go_to_viewpoint(self.mapper.observe())
         self._blocked_in_row = self._blocked_in_row + 1 if blocked else 0
         self.steps += 1
@@ -238,22 +269,42 @@ class Environment:
         self._beacons, self._waypoints = observation.beacon_nodes(), observation.waypoint_nodes()
         if self.task.complete(self.coverage, self.pose):
             self.end, self.reason = End.TERMINAL, "complete"
-        elif self.mapper.stuck:
+        elif self._on_lattice and self.mapper.stuck:
             self.end, self.reason = End.TERMINAL, "stuck"
         elif self._blocked_in_row >= MAX_BLOCKED:
             self.end, self.reason = End.TERMINAL, "blocked"
-        elif len(self._beacons) == 0:
+        elif self._on_lattice and len(self._beacons) == 0:
             unreachable = observation.has_target
             self.end = End.TERMINAL
             self.reason = "target unreachable" if unreachable else "nothing useful left"
-        elif len(self._waypoints) == 0:
+        elif self._on_lattice and len(self._waypoints) == 0:
             self.end, self.reason = End.TERMINAL, "stuck"
         elif self.steps >= self._max_steps:
             self.end, self.reason = End.TRUNCATED, "step limit"
 
-    def _check_choice(self, beacon: int, waypoint: int) -> None:
+    def _check_going(self) -> None:
         if self.end is not End.NONE:
             raise HDError(f"the episode has ended ({self.reason or 'never begun'}): call reset(world, seed) first")
+
+    def _check_position(self, position: tuple[float, float]) -> None:
+        self._check_going()
+        here = self.pose.position
+        longest = LONGEST_EDGE * self._mapping.viewpoint_spacing
+        if not np.isfinite(position).all():
+            raise HDError(f"a waypoint must be two finite coordinates in metres, got {position}")
+        if self.pose.distance_to(position) > longest + TOLERANCE:
+            raise HDError(
+                f"a waypoint may be {longest:.2f} m away (one edge), got {self.pose.distance_to(position):.2f} m from "
+                f"{_shown(here)} to {_shown(position)}: cut the path there"
+            )
+        if not self.mapper.segment_free(here, position):
+            raise HDError(
+                f"the way from {_shown(here)} to {_shown(position)} is not known to be free: choose a waypoint that is "
+                "in line of sight through known free space"
+            )
+
+    def _check_choice(self, beacon: int, waypoint: int) -> None:
+        self._check_going()
         if beacon not in self._beacons:
             raise HDError(f"beacon must be one of the nodes {self._beacons.tolist()}, got {beacon}")
         if waypoint not in self._waypoints:
@@ -278,8 +329,10 @@ class Environment:
         return all(self._take(self._simulator.drive_to(point)) for point in legs)
 
     def _take(self, leg: Leg) -> bool:
+        began = time.perf_counter()
         for pose, scan in leg.sensed:
             self.mapper.integrate(scan, pose)
+        self.mapping_seconds += time.perf_counter() - began
         self.pose = leg.pose
         self.distance += leg.distance
         self.collisions += leg.collisions
@@ -288,10 +341,17 @@ class Environment:
 
     def _sense(self) -> None:
         """Scan from here, and bring the belief, the graph and the coverage up to date."""
-        self.mapper.integrate(self._simulator.scan(), self.pose)
+        scan = self._simulator.scan()
+        began = time.perf_counter()
+        self.mapper.integrate(scan, self.pose)
         self.mapper.update(self.pose)
+        self.mapping_seconds += time.perf_counter() - began
         belief = self.mapper.belief
         self.coverage.update(belief.cells, belief.resolution, belief.origin)
+
+
+def _shown(position: tuple[float, float]) -> str:
+    return f"({position[0]:.2f}, {position[1]:.2f})"
 
 
 def route_length(positions: list[tuple[float, float]]) -> float:

@@ -151,19 +151,24 @@ def fixed_set(source: MapSource, count: int) -> list[GridMap]:
     Returns:
         ``count`` worlds, or all of a folder that holds fewer.
     """
+    return [source.world(number) for number in fixed_numbers(source, count)]
+
+
+def fixed_numbers(source: MapSource, count: int) -> list[int]:
+    """Return the numbers of the worlds of `fixed_set`, so that each can be loaded when its turn comes."""
     if isinstance(source, MixedSource):
         parts = len(source.sources)
         shares = [count // parts + (number < count % parts) for number in range(parts)]
         return [
-            world
-            for part, share in zip(source.sources, shares, strict=True)
+            number * parts + place
+            for place, (part, share) in enumerate(zip(source.sources, shares, strict=True))
             if share
-            for world in fixed_set(part, share)
+            for number in fixed_numbers(part, share)
         ]
     if isinstance(source, FolderSource):
         count = min(count, len(source))
-        return [source.world(number * len(source) // count) for number in range(count)]
-    return [source.world(number) for number in range(count)]
+        return [number * len(source) // count for number in range(count)]
+    return list(range(count))
 
 
 def in_validation(file_name: str) -> bool:

@@ -44,7 +44,10 @@ _ENTRIES: dict[str, Entry] = {
     "astar": Entry("common.planners.astar", "AStarPlanner", _NAVIGATION, "A*, planned anew at each step"),
     "bit_star": Entry("common.planners.bit_star", "BitStarPlanner", _NAVIGATION, "BIT* through OMPL (Gammell 2015)"),
     "far": Entry("common.planners.far", "FarPlanner", _NAVIGATION, "incremental visibility graph (Yang 2022)"),
-    "learned": Entry("common.planners.learned", "LearnedPlanner", _BOTH, "a trained policy"),
+    "hdplanner": Entry("common.planners.learned", "LearnedPlanner", _BOTH, "a trained policy (Liang 2025)"),
+    "hdplanner+revisit": Entry(
+        "common.planners.learned", "planner_with_revisit_rule", _BOTH, "a trained policy with the rule against revisits"
+    ),
 }
 
 
