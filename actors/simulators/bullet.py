@@ -40,6 +40,8 @@ __all__ = ["collision_mesh", "connect", "disconnect", "pybullet", "visual_mesh"]
 _lock = threading.Lock()
 _vertex_pool: list[list[float]] = []
 _vertices: list[list[float]] = []
+_normal_pool: list[list[float]] = []
+_normals: list[list[float]] = []
 _indices: list[int] = []
 
 
@@ -94,14 +96,19 @@ def visual_mesh(
     indices: NDArray[np.integer],
     colour: tuple[float, float, float, float],
 ) -> int:
-    """Make a triangle mesh to look at, RGBA ``colour``; otherwise as `collision_mesh`."""
+    """Make a mesh of quads to look at, RGBA ``colour``, four vertices per quad; otherwise as `collision_mesh`."""
+    quads = vertices.reshape(-1, 4, 3)
+    normals = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     with _lock:
         _fill(vertices, indices)
+        _take(_normal_pool, _normals, np.repeat(normals, 4, axis=0))
         return int(
             pybullet.createVisualShape(
                 pybullet.GEOM_MESH,
                 vertices=_vertices,
                 indices=_indices,
+                normals=_normals,
                 rgbaColor=colour,
                 specularColor=(0.1, 0.1, 0.1),
                 physicsClientId=client,
@@ -110,12 +117,15 @@ def visual_mesh(
 
 
 def _fill(vertices: NDArray[np.float64], indices: NDArray[np.integer]) -> None:
-    missing = len(vertices) - len(_vertex_pool)
-    _vertex_pool.extend([0.0, 0.0, 0.0] for _ in range(missing))
-    for slot, vertex in zip(_vertex_pool, vertices.tolist(), strict=False):
-        slot[:] = vertex
-    _vertices[:] = _vertex_pool[: len(vertices)]
+    _take(_vertex_pool, _vertices, vertices)
     _indices[:] = indices.tolist()
+
+
+def _take(pool: list[list[float]], out: list[list[float]], points: NDArray[np.float64]) -> None:
+    pool.extend([0.0, 0.0, 0.0] for _ in range(len(points) - len(pool)))
+    for slot, point in zip(pool, points.tolist(), strict=False):
+        slot[:] = point
+    out[:] = pool[: len(points)]
 
 
 def disconnect(client: int) -> None:

@@ -114,7 +114,7 @@ class PhysicsWorld:
 
     def _floor(self, world: GridMap) -> int:
         (x, y), (width, height) = world.origin, world.size
-        corners = np.array([[x, y, 0], [x + width, y, 0], [x + width, y + height, 0], [x, y + height, 0]])
+        corners = np.array([[x, y, 0.0], [x + width, y, 0.0], [x + width, y + height, 0.0], [x, y + height, 0.0]])
         # With no look of its own, a plane gets a large one, which costs half a millisecond even when nobody looks.
         look = visual_mesh(self.client, corners, np.array([0, 1, 2, 0, 2, 3]), _FLOOR_COLOUR)
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
