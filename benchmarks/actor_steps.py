@@ -1,9 +1,11 @@
 """Measure full actor steps per second on one core, and where their time goes.
 
-`python -m benchmarks.actor_steps [--seconds S] [--map SOURCE]`: one collector without a bus runs training episodes,
-sampling from a policy with random weights; chunks are encoded as for sending. Times are processor seconds of this
-process, so that other work on the machine takes little part; run it with OMP_NUM_THREADS=1. Targets: 60 steps/s with
-the paper's network (width 128, 6 layers) in kinematic PyBullet, 250 with width 64 and 3 layers in `grid`.
+`python -m benchmarks.actor_steps [--seconds S] [--map SOURCE]`: one collector without a bus runs training episodes, and
+chunks are encoded as for sending. The policy has random weights; it decides every step, but the robot goes to the
+nearest useful viewpoint, so that episodes and graphs are as large as those of a trained policy (what that costs is
+taken off). Times are processor seconds of this process, so that other work on the machine takes little part; run it
+with OMP_NUM_THREADS=1. Targets: 60 steps/s with the paper's network (width 128, 6 layers) in kinematic PyBullet, 250
+with width 64 and 3 layers in `grid`.
 """
 
 from __future__ import annotations
@@ -16,10 +18,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
+
 from actors.collector import Collector
+from actors.driver import Choice, Driver
+from actors.environment import Environment
 from common.config.schema import RunConfig
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.messages.schema import encode
+from common.observation import Observation
 
 SMALL = {"width": 64, "layers": 3, "heads": 4}
 PAPER = {"width": 128, "layers": 6, "heads": 8}
@@ -33,6 +40,40 @@ CASES: dict[str, dict[str, Any]] = {
 }
 
 
+class Guided:
+    """Lets the policy decide, then goes to the nearest useful viewpoint."""
+
+    name = "policy"
+
+    def __init__(self, inner: Driver) -> None:
+        self._inner = inner
+        self._goal = np.full(2, np.inf)
+        self.viewpoints = 0
+
+    @property
+    def version(self) -> int:
+        """Version of the policy."""
+        return self._inner.version
+
+    def choose(self, observation: Observation, environment: Environment) -> Choice:
+        """Ask the policy, and do something sensible."""
+        self.viewpoints += observation.viewpoints
+        self._inner.choose(observation, environment)
+        return self.guide(observation, environment)
+
+    def guide(self, observation: Observation, environment: Environment) -> Choice:
+        """Return the first waypoint towards the nearest useful viewpoint not visited yet; keep to it until then."""
+        mapper = environment.mapper
+        distances = mapper.distances(observation.robot)[: observation.viewpoints]
+        useful = (observation.utility > 0) & ~observation.visited
+        goals = useful & (np.hypot(*(mapper.viewpoints - self._goal).T) < 0.1)
+        goal = int(np.argmin(np.where(goals if goals.any() else useful, distances, np.inf)))
+        self._goal = mapper.viewpoints[goal]
+        path = mapper.path(observation.robot, goal)
+        waypoint = path[1] if len(path) > 1 else int(observation.waypoint_nodes()[0])
+        return Choice(int(observation.beacon_nodes()[0]), waypoint, self.version)
+
+
 class Stages:
     """Processor seconds of each stage of a collector, what a stage calls of another left out."""
 
@@ -40,6 +81,9 @@ class Stages:
         self.seconds: dict[str, float] = defaultdict(float)
         self._inner = [0.0]
         environment = collector._environment
+        self.driver = Guided(collector._policy_driver)
+        collector._policy_driver = self.driver  # type: ignore[assignment]
+        self._wrap(self.driver, "guide", "guide")
         simulator = collector._simulator
         self._wrap(collector.policy, "decide", "policy")
         self._wrap(simulator, "reset", "simulator reset")
@@ -86,19 +130,20 @@ def opened(settings: dict[str, Any], specs: list[str]) -> Iterator[tuple[Collect
         collector.close()
 
 
-def measure(settings: dict[str, Any], specs: list[str], seconds: float) -> tuple[float, dict[str, float]]:
-    """Return steps per second over whole episodes, and milliseconds per step by stage."""
+def measure(settings: dict[str, Any], specs: list[str], seconds: float) -> tuple[float, float, dict[str, float]]:
+    """Return steps per second over whole episodes, mean viewpoints, and milliseconds per step by stage."""
     with opened(settings, specs) as (collector, stages):
         collector.collect()
         stages.seconds.clear()
+        stages.driver.viewpoints = 0
         before, began = collector.steps, time.process_time()
         while time.process_time() - began < seconds:
             collector.collect()
-        spent = time.process_time() - began
+        spent = time.process_time() - began - stages.seconds.pop("guide")
         steps = collector.steps - before
         split = {name: 1e3 * value / steps for name, value in stages.seconds.items()}
         split["everything else"] = 1e3 * spent / steps - sum(split.values())
-        return steps / spent, split
+        return steps / spent, stages.driver.viewpoints / steps, split
 
 
 def run(seconds: float = 10.0, specs: list[str] | None = None) -> dict[str, float]:
@@ -107,9 +152,10 @@ def run(seconds: float = 10.0, specs: list[str] | None = None) -> dict[str, floa
     for name, settings in CASES.items():
         if settings["simulator"]["name"] == "pybullet" and importlib.util.find_spec("pybullet") is None:
             continue
-        rate, split = measure(settings, specs or ["generator:rooms"], seconds)
+        rate, viewpoints, split = measure(settings, specs or ["generator:rooms"], seconds)
         results[f"{name}: steps/s"] = rate
-        results.update({f"{name}: {stage} ms": value for stage, value in sorted(split.items())})
+        results[f"{name}: viewpoints"] = viewpoints
+        results.update({f"{name}: {stage} ms": value for stage, value in sorted(split.items()) if value > 0.0})
     return results
 
 

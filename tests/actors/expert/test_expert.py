@@ -1,0 +1,184 @@
+import heapq
+
+import numpy as np
+import pytest
+
+from actors.driver import Choice, ExpertDriver
+from actors.environment import Environment
+from actors.episode import Role, run_episode
+from actors.expert import ExplorationExpert, make_expert
+from actors.expert.lattice import TrueLattice
+from actors.expert.visibility import Visibility
+from actors.maps.sources import open_sources
+from actors.simulators.grid import GridSimulator
+from actors.tasks import make_task
+from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
+from common.errors import HDError
+from common.messages.experience import End
+from tests.actors.test_environment import BRANCHES, CORRIDOR, HALLWAY, MAPPING, environment
+from tests.actors.worlds import draw
+
+ROLE = Role("train", "grid")
+CROSS = draw(
+    "###########",
+    "####...####",
+    "####...####",
+    "####...####",
+    "#.........#",
+    "#....S....#",
+    "#.........#",
+    "####...####",
+    "####...####",
+    "####...####",
+    "###########",
+    lattice=(1.5, 1.5),
+)
+COMB = draw(
+    "#################",
+    "#.###.###.###.###",
+    "#.###.###.###.###",
+    "#.###.###.###.###",
+    "#.###.###.###.###",
+    "#......S........#",
+    "#################",
+    lattice=(1.5, 1.5),
+)
+
+
+def best_distance(world, mapping, unseen_area):
+    """Shortest lattice walk after which little enough is unseen, by exhaustive search over (node, what was seen)."""
+    lattice = TrueLattice.build(world, mapping.viewpoint_spacing)
+    sight = Visibility.build(world.free, lattice.points, mapping.sensor_range / world.resolution, 720)
+    views = []
+    for v in range(len(lattice)):
+        view = 0
+        for k in range(sight.pointer[v], sight.pointer[v + 1]):
+            view |= int(sight.mask[k]) << (64 * int(sight.tile[k]))
+        views.append(view)
+    start = np.array(world.start) / world.resolution
+    first = int(np.argmin(np.hypot(*(lattice.points - start).T)))
+    enough = int(np.count_nonzero(world.free)) - int(unseen_area / world.resolution**2 + 1e-6)
+    queue = [(0.0, first, views[first])]
+    done = set()
+    while queue:
+        distance, node, seen = heapq.heappop(queue)
+        if seen.bit_count() >= enough:
+            return distance
+        if (node, seen) in done:
+            continue
+        done.add((node, seen))
+        for k in range(20):
+            other = int(lattice.table[node, k])
+            if other >= 0:
+                heapq.heappush(queue, (distance + float(lattice.lengths[k]), other, seen | views[other]))
+    raise AssertionError("the world cannot be explored from its lattice")
+
+
+@pytest.mark.parametrize("world", [CORRIDOR, CROSS, COMB], ids=["corridor", "cross", "comb"])
+@pytest.mark.parametrize("unseen_area", [0.5, 3.0])
+def test_the_expert_is_optimal_on_tiny_maps(world, unseen_area):
+    mapping = MAPPING.model_copy(update={"sensor_range": 5.0})
+    task = TaskConfig(unseen_area=unseen_area)
+    env = Environment(
+        GridSimulator(SimulatorConfig(name="grid", rays=720), 5.0),
+        mapping,
+        make_task(task),
+        RewardConfig(),
+        64,
+        make_expert(task, mapping),
+    )
+    report = run_episode(env, world, ExpertDriver(), ROLE, seed=0)
+    assert report.success
+    assert report.distance <= best_distance(world, mapping, unseen_area) + 1e-3
+
+
+class NearestDriver:
+    """Goes to the nearest useful viewpoint that was not visited, and keeps to it until it is reached or useless."""
+
+    name = "policy"
+    version = -1
+
+    def __init__(self):
+        self.goal = np.full(2, np.inf)
+
+    def choose(self, observation, environment):
+        mapper = environment.mapper
+        distances = mapper.distances(observation.robot)[: observation.viewpoints]
+        useful = (observation.utility > 0) & ~observation.visited
+        same = useful & (np.hypot(*(mapper.viewpoints - self.goal).T) < 0.1)
+        goal = int(np.argmin(np.where(same if same.any() else useful, distances, np.inf)))
+        self.goal = mapper.viewpoints[goal]
+        path = mapper.path(observation.robot, goal)
+        waypoint = path[1] if len(path) > 1 else observation.waypoint_nodes()[0]
+        return Choice(int(observation.beacon_nodes()[0]), int(waypoint), -1)
+
+
+def test_the_expert_is_never_worse_than_going_to_the_nearest_viewpoint():
+    source = open_sources(["generator:rooms?width=320&height=240"], 0.25, "exploration")
+    mapping, task = MappingConfig(), TaskConfig()
+    env = Environment(
+        GridSimulator(SimulatorConfig(name="grid"), 20.0),
+        mapping,
+        make_task(task),
+        RewardConfig(),
+        128,
+        make_expert(task, mapping),
+    )
+    pairs = []
+    for index in range(6):
+        world = source.world(index)
+        expert = run_episode(env, world, ExpertDriver(), ROLE, seed=0)
+        nearest = run_episode(env, world, NearestDriver(), ROLE, seed=0)
+        assert expert.success
+        pairs.append((expert.distance, nearest.distance if nearest.success else np.inf))
+        assert expert.distance <= nearest.distance + 1e-6
+    assert np.mean([a for a, _ in pairs]) < 0.95 * np.mean([b for _, b in pairs if np.isfinite(b)])
+
+
+@pytest.mark.parametrize(("task", "world"), [("exploration", BRANCHES), ("navigation", BRANCHES)])
+def test_the_remaining_distance_falls_by_what_was_driven(task, world):
+    env = environment(task)
+    env.reset(world, seed=0)
+    driver = ExpertDriver()
+    while env.end is End.NONE:
+        before = env.remaining()
+        choice = driver.choose(env._observation, env)
+        step = env.step(choice.beacon, choice.waypoint)
+        assert env.remaining() <= before - step.distance + 0.05
+    assert env.success
+    assert env.remaining() == 0.0
+
+
+def test_the_navigation_expert_drives_the_shortest_way():
+    env = environment("navigation", arrival_radius=0.1)
+    env.reset(HALLWAY, seed=0)
+    judgement = env.judgement()
+    assert judgement.remaining == pytest.approx(21.0 + 1.0, abs=0.01)
+    observation = env._observation
+    waypoints = observation.waypoint_nodes()
+    best = waypoints[int(np.argmin(judgement.cost))]
+    assert env.mapper.position(int(best))[0] > HALLWAY.start[0]
+    assert judgement.beacon in observation.beacon_nodes()
+
+
+def test_standing_still_is_never_the_plan():
+    # The robot has seen all that its own viewpoint shows; an expert that counted it again would not move.
+    env = environment(unseen_area=0.0)
+    env.reset(CORRIDOR, seed=0)
+    expert = ExplorationExpert(MAPPING, 0.0)
+    expert.reset(CORRIDOR)
+    node = env.mapper.position(env._observation.robot)
+    for _ in range(3):
+        judgement = expert.judge(env._observation, env.pose, node, env.coverage)
+        assert judgement.remaining > 20.0
+        best = int(env._observation.waypoint_nodes()[int(np.argmin(judgement.cost))])
+        assert env.mapper.position(best)[0] > env.pose.x
+
+
+def test_an_expert_without_a_map_says_so():
+    env = environment()
+    observation = env.reset(CORRIDOR, seed=0)
+    for task in ("exploration", "navigation"):
+        expert = make_expert(TaskConfig(name=task), MAPPING)
+        with pytest.raises(HDError, match="reset"):
+            expert.judge(observation, env.pose, env.pose.position, env.coverage)
