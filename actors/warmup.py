@@ -16,11 +16,13 @@ from actors.environment import Environment
 from actors.episode import Role, run_episode
 from actors.expert import make_expert
 from actors.maps.generators import make_generator
+from actors.maps.generators import warm_up as warm_up_generators
 from actors.process import follow_parent
 from actors.recorder import Recorder
 from actors.simulators.factory import make_simulator
 from actors.tasks import make_task
 from common.config.schema import MappingConfig, NetworkConfig, RewardConfig, SimulatorConfig, TaskConfig
+from common.jit import forget_old_caches
 from common.mapping.warmup import warm_up as warm_up_mapping
 from common.messages.experience import Chunk, Delivery
 from common.messages.schema import encode
@@ -35,7 +37,9 @@ def warm_up(network: NetworkConfig) -> None:
     Args:
         network: of the run; kernels are compiled for its size of a head.
     """
+    forget_old_caches()
     warm_up_mapping()
+    warm_up_generators()
     rng = np.random.default_rng(0)
     role = Role("train", "grid")
     mapping = MappingConfig()

@@ -6,9 +6,9 @@ import math
 from typing import Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.jit import njit
 from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS, ObservationBatch
 
 FeatureSet = Literal["paper", "extended"]

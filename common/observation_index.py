@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.jit import njit
 from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS
 
 # Bit of the edge to (dx, dy), at [dy + 2, dx + 2]; -1 for the corners and the middle, which are no neighbours.
@@ -38,7 +38,7 @@ def neighbour_table(
     return table
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _fill_neighbours(count, offsets, edges, bits, table):  # type: ignore[no-untyped-def]
     """Sweep each observation once: five cursors, one per lattice row from dy = -2 to 2, only move forward."""
     keys = np.empty(len(edges), dtype=np.int64)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from common.jit import njit
 
-@numba.njit(cache=True, nogil=True)
+
+@njit(cache=True, nogil=True)
 def gather_viewpoints(
     start: NDArray[np.int64],
     count: NDArray[np.int32],
@@ -35,7 +36,7 @@ def gather_viewpoints(
         at += rows
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def count_choices(
     first: NDArray[np.int64],
     robot: NDArray[np.int32],

@@ -7,11 +7,11 @@ that are still to be seen, and a tolerance says how many of them may stay so.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from actors.expert.tour import GAIN, improve_tour, insert_cheapest, tour_length
 from actors.expert.visibility import popcount
+from common.jit import njit
 
 
 @njit(cache=True, nogil=True)

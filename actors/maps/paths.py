@@ -5,8 +5,9 @@ from __future__ import annotations
 import heapq
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from common.jit import njit
 
 _COARSE = 4
 # Unit and knight's moves: lengths are at most 2.7 % above the straight line.

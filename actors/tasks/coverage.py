@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
 from common.errors import MapError
+from common.jit import njit
 
 UNKNOWN = -1
 

@@ -6,11 +6,11 @@ from math import ceil, floor, isfinite
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from common.errors import MappingError
 from common.geometry import Pose, Scan
+from common.jit import njit
 from common.mapping.raycast import CORNER_TOLERANCE, SUBCELL_BITS, SUBCELLS, ray_axis, ray_units, to_subcells
 from common.mapping.sight import FREE, OCCUPIED, OUTSIDE, UNKNOWN, Box
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.jit import njit
 from common.mapping.belief import Belief
 from common.mapping.sight import FREE, UNKNOWN, Box
 

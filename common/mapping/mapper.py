@@ -6,12 +6,12 @@ from math import isfinite
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from common.config.schema import MappingConfig
 from common.errors import MappingError
 from common.geometry import Pose, Scan
+from common.jit import njit
 from common.mapping.beacons import find_beacons, nearest_in_sight
 from common.mapping.belief import Belief
 from common.mapping.distances import OFFSET_LENGTHS, shortest_paths

@@ -10,8 +10,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from common.jit import njit
 
 SUBCELL_BITS: Final = 16
 SUBCELLS: Final = 1 << SUBCELL_BITS

@@ -6,9 +6,9 @@ from math import ceil, floor
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.jit import njit
 from common.mapping.belief import Belief
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 from common.mapping.sight import CLEAR, FREE, Box, blocker, may_touch

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import MessageError
+from common.jit import njit
 from common.observation import MAX_OFFSET, MAX_TARGET_LINKS, MAX_VIEWPOINTS, NEIGHBOUR_COUNT, ObservationBatch
 from common.observation_index import NEIGHBOUR_BITS
 
@@ -118,7 +118,7 @@ def check_choices(
     return int(choices)
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _sweep(  # type: ignore[no-untyped-def]
     count, offsets, edges, robot, has_target, target_known, target_offset, link_count, target_links, bits
 ) -> Any:
@@ -186,7 +186,7 @@ def _sweep(  # type: ignore[no-untyped-def]
     return 0, 0, 0
 
 
-@numba.njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _sweep_choices(  # type: ignore[no-untyped-def]
     count,
     offsets,

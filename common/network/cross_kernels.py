@@ -6,9 +6,9 @@ import functools
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.jit import njit
 from common.network.parallel import Kernel
 from common.network.vector_ops import add_scaled, dot, exp_negative
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from common.config.schema import NetworkConfig
 from common.features import node_features
+from common.jit import njit
 from common.observation import NEIGHBOUR_COUNT, ObservationBatch
 from common.observation_index import neighbour_table
 

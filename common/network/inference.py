@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from common.config.schema import NetworkConfig
+from common.jit import njit
 from common.network.cross_kernels import cross_kernels
 from common.network.edge_kernels import edge_kernels
 from common.network.graph_arrays import SLOTS, GraphArrays

@@ -11,8 +11,10 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir  # type: ignore[import-untyped]
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
+
+from common.jit import njit
 
 _FLOAT = ir.FloatType()
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from actors.maps.connectivity import label_regions
 from actors.maps.generators.base import Plan
 from actors.maps.layout import BLOCK
 from common.errors import MapError
+from common.jit import njit
 from common.mapping.raycast import SUBCELLS
 from common.mapping.sight import CLEAR, FREE, OCCUPIED, blocker
 from common.observation import NEIGHBOUR_OFFSETS

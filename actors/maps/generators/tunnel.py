@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated, ClassVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
@@ -13,6 +12,7 @@ from actors.maps.generators.base import Generator, Plan, Share, Side
 from actors.maps.generators.lattice import finish
 from actors.maps.generators.shapes import carve_path, fill_disc, smooth_noise
 from actors.maps.layout import BLOCK
+from common.jit import njit
 
 _PITCH = 6 * BLOCK
 _MARGIN = 2 * BLOCK
