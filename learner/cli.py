@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +17,7 @@ from common.config.describe import to_markdown, to_toml
 from common.config.load import load_config, preset_names
 from common.config.schema import RunConfig
 from common.errors import ConfigError
-from common.logs import setup_logging
+from common.logs import PLAIN_FORMAT, setup_logging
 from common.runtime import restart_prepared
 from learner.remote_cli import add_remote_commands
 
@@ -219,7 +222,7 @@ def _run(
     from learner.run_folder import RunFolder
 
     folder = RunFolder.open(runs, config.name) if resume else RunFolder.create(runs, config, overwrite=overwrite)
-    with folder:
+    with folder, _log_file(folder.path / "learner.log"):
         if resume:
             folder.reconfigure(config)
         if serial:
@@ -230,6 +233,19 @@ def _run(
             from learner.process import Companions, run_learner
 
             run_learner(folder, Companions(actors, evaluators), console, resume=resume)
+
+
+@contextmanager
+def _log_file(path: Path) -> Iterator[None]:
+    """Write the log into the run's folder as well."""
+    handler = logging.FileHandler(path, encoding="utf-8")
+    handler.setFormatter(logging.Formatter(PLAIN_FORMAT))
+    logging.getLogger().addHandler(handler)
+    try:
+        yield
+    finally:
+        logging.getLogger().removeHandler(handler)
+        handler.close()
 
 
 add_remote_commands(app)

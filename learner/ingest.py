@@ -70,6 +70,8 @@ class Ingest:
         self.version = 0
         """Newest published policy version."""
         self.episode_count = 0
+        self.evaluated_at = float("-inf")
+        """Monotonic seconds of the newest report of an evaluator."""
         self._keep_replay = config.checkpoints.replay
         self._journal = journal
         self._rounds = EvaluationRounds(config.maps.validation_count)
@@ -250,6 +252,7 @@ class Ingest:
             updates=self.keeper.updates,
         )
         if group_of(report) == "evaluate":
+            self.evaluated_at = time.monotonic()
             done = self._rounds.add(delivery.actor, delivery.incarnation, report)
             if done is not None:
                 self._finished_rounds.put(done)

@@ -19,4 +19,6 @@ def train(trainer: Trainer) -> None:
             trainer.publish_if_due()
             trainer.record_if_due()
         trainer.serve()
+    while not trainer.evaluation_is_ready():
+        trainer.serve()
     trainer.checkpoint()

@@ -24,6 +24,7 @@ from common.bus.weights import WeightsPublisher
 from common.messages.replies import Spec
 from common.messages.weights import Weights
 from common.runtime import limit_threads
+from learner.algorithm import PublishedVersion
 from learner.control import Control
 from learner.device import choose_device
 from learner.local_actors import LocalActors
@@ -32,7 +33,7 @@ from learner.report import Reporter
 from learner.run_folder import RunFolder
 from learner.sac import SacLearner
 from learner.status import LearnerStatus
-from learner.trainer import PublishedVersion, Trainer
+from learner.trainer import Trainer
 from learner.view import View
 
 logger = logging.getLogger(__name__)

@@ -60,7 +60,7 @@ class Reporter:
             updates=keeper.updates,
             total_updates=trainer.config.learner.total_updates,
             steps_per_second=ingest.steps_rate.rate,
-            updates_per_second=trainer.updates_rate.rate,
+            updates_per_second=trainer.recorder.updates_rate.rate,
             version=ingest.version,
             replay=len(trainer.replay),
             replay_capacity=trainer.replay.capacity,
@@ -74,7 +74,7 @@ class Reporter:
             last_checkpoint=trainer.checkpoints.pointer("last") or "",
             best=trainer.best.version,
             refused=refused,
-            losses=dict(trainer.losses),
+            losses=dict(trainer.recorder.figures),
             late={str(group): means for group, means in late.items()},
             actors=self._actors(present, stats or {}),
         )

@@ -27,6 +27,7 @@ class RunFolder:
     `run.json`                format and time of creation; marks the folder as a run
     `config.json`             the resolved configuration
     `code.json`, `code.diff`  commit, status and differences of the code, package versions, command
+    `learner.log`             what the learner said
     `episodes.jsonl`          one line per finished episode
     `tensorboard/`            curves
     `checkpoints/`            see `CheckpointStore`

@@ -14,13 +14,14 @@ from rich.console import Console
 from actors.collector import Collector
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.runtime import limit_threads
+from learner.algorithm import Algorithm, PublishedVersion
 from learner.device import choose_device
 from learner.loop import train
 from learner.process import stop_signals
 from learner.report import Reporter
 from learner.run_folder import RunFolder
 from learner.sac import SacLearner
-from learner.trainer import Algorithm, PublishedVersion, Trainer
+from learner.trainer import Trainer
 from learner.view import View
 
 logger = logging.getLogger(__name__)

@@ -8,74 +8,33 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from typing import Any, Protocol
+from dataclasses import asdict
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from common.errors import CheckpointError, HDError
 from common.policy_file import PolicyCard
+from learner.algorithm import Algorithm, PublishedVersion
 from learner.batch import TransitionBatch
 from learner.best import BestPolicy
 from learner.checkpoints import CheckpointStore
 from learner.code_state import code_state, commit_of
-from learner.episodes import GROUPS, EpisodeLog
+from learner.episodes import EpisodeLog
 from learner.ingest import Ingest
 from learner.journal import Journal
-from learner.metrics import Curves, Means, RateMeter
 from learner.ratio import RatioKeeper
+from learner.recorder import LOG_EVERY, Recorder
 from learner.replay import Replay
 from learner.run_folder import RunFolder
 
 logger = logging.getLogger(__name__)
 
-LOG_EVERY = 10
-"""Updates between two points of the curves."""
 EXPORT_PREFIX = "export."
 """Tensors of a checkpoint under this prefix are the policy for robots and evaluation; resuming needs them not."""
 _WAIT_SECONDS = 0.2
+_EVALUATOR_SECONDS = 60.0
 _REMEMBERED_VERSIONS = 4096
-
-Policy = dict[str, NDArray[Any]]
-
-
-class Algorithm(Protocol):
-    """What the loop needs of the mathematics; `learner.sac.SacLearner` is one."""
-
-    def update(self, batch: TransitionBatch) -> dict[str, float]:
-        """Learn from one batch; return losses and other figures by their TensorBoard names."""
-        ...
-
-    def state(self) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
-        """Return everything that resuming needs: named tensors, and plain values."""
-        ...
-
-    def restore(self, tensors: dict[str, torch.Tensor], values: dict[str, Any]) -> None:
-        """Take over what `state` returned."""
-        ...
-
-    def policy_weights(self, averaged: bool) -> Policy:
-        """Return the policy's weights, or their moving average."""
-        ...
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PublishedVersion:
-    """A policy version on its way to the actors.
-
-    Attributes:
-        version: its number.
-        updates: updates behind it.
-        weights: what actors explore with.
-        averaged: what evaluation and export use; None when averaging is off.
-    """
-
-    version: int
-    updates: int
-    weights: Policy
-    averaged: Policy | None
 
 
 class Trainer:
@@ -105,11 +64,6 @@ class Trainer:
         self.best = BestPolicy(self.checkpoints, self.card)
         self._published_at: OrderedDict[int, float] = OrderedDict()
         self._commit = commit_of(code_state())
-        self.losses: dict[str, float] = {}
-        """Newest means of what an update reports."""
-        self.updates_rate = RateMeter(window=20.0)
-        self._figures = Means()
-        self._means = Means()
         self._began = time.monotonic()
         self._checkpoint_at = 0.0
         self._checkpoint_wanted = threading.Event()
@@ -117,16 +71,17 @@ class Trainer:
         self._checkpoints_made = 0
         self._stop = threading.Event()
         self._warned_unlabelled = False
+        self._evaluated = -1
         self.waiting = False
         self.ingest: Ingest
-        self._curves: Curves
+        self.recorder: Recorder
 
     # --- beginning and end -------------------------------------------------------------------------------------
 
     def begin(self) -> None:
         """Begin a new run: nothing collected, nothing learnt, a first checkpoint."""
         self._open_records(episodes_length=0, updates=0)
-        self._curves.text("config", f"```json\n{self.config.model_dump_json(indent=2)}\n```")
+        self.recorder.write_text("config", f"```json\n{self.config.model_dump_json(indent=2)}\n```")
         self.checkpoint()
 
     def resume(self) -> None:
@@ -143,8 +98,8 @@ class Trainer:
             tensors = {k: v for k, v in checkpoint.tensors.items() if not k.startswith(EXPORT_PREFIX)}
             self.algorithm.restore(tensors, document["algorithm"])
             self._rng.bit_generator.state = document["rng"]
-            self._figures.restore(document["figures"])
             self._open_records(int(snapshot["episodes_length"]), updates)
+            self.recorder.restore(document["figures"])
             self.ingest.rebuild(snapshot, updates)
         except (KeyError, TypeError, ValueError, RuntimeError) as error:
             raise CheckpointError(
@@ -165,15 +120,15 @@ class Trainer:
 
     def close(self) -> None:
         """Close all files; no checkpoint is made here."""
-        if hasattr(self, "_curves"):
-            self._curves.close()
+        if hasattr(self, "recorder"):
+            self.recorder.close()
             self.ingest.episodes.close()
         self._journal.close()
 
     def _open_records(self, episodes_length: int, updates: int) -> None:
         episodes = EpisodeLog(self.run.episodes, episodes_length)
-        self._curves = Curves(self.run.tensorboard, updates)
         self.ingest = Ingest(self.config, self.replay, self.keeper, self._journal, episodes)
+        self.recorder = Recorder(self.run.tensorboard, self.ingest, updates)
 
     # --- the stages of the loop --------------------------------------------------------------------------------
 
@@ -198,7 +153,7 @@ class Trainer:
         began = time.perf_counter()
         draw = self.replay.sample_labelled if self.cloning else self.replay.sample
         batch = draw(self.config.learner.batch_size, self._rng)
-        self._means.add({"time/sample_ms": 1e3 * (time.perf_counter() - began)})
+        self.recorder.note("time/sample_ms", 1e3 * (time.perf_counter() - began))
         return batch
 
     def learn(self, batch: TransitionBatch) -> None:
@@ -216,10 +171,8 @@ class Trainer:
                 "(--set adam.policy=..., adam.critic=...) and resume from the last checkpoint"
             )
         self.keeper.note_update()
-        self.updates_rate.add()
-        self._figures.add(figures)
-        self.losses = self.losses or figures
-        self._means.add({"time/update_ms": 1e3 * (time.perf_counter() - began)})
+        self.recorder.note_update(figures)
+        self.recorder.note("time/update_ms", 1e3 * (time.perf_counter() - began))
 
     def publish(self) -> None:
         """Send the newest policy to the actors under a new version number."""
@@ -243,16 +196,27 @@ class Trainer:
     def record_if_due(self) -> None:
         """Write a point of each curve every few updates."""
         if self.keeper.updates % LOG_EVERY == 0 or self.complete:
-            self._record()
+            self.recorder.write()
 
     def serve(self) -> None:
         """Do what has become due besides updates: the best policy, a checkpoint by the clock or by command."""
         for finished in self.ingest.finished_rounds():
+            self._evaluated = max(self._evaluated, finished.version)
             self.best.consider(finished)
-            figures = {f"evaluation/{name}": value for name, value in asdict(finished.means).items() if name != "count"}
-            self._curves.write(self.keeper.updates, figures)
+            self.recorder.write_evaluation(finished)
         if self._checkpoint_wanted.is_set() or time.monotonic() >= self._checkpoint_at:
             self.checkpoint()
+
+    def evaluation_is_ready(self) -> bool:
+        """Wait a moment for the evaluation of the final policy; return True once there is nothing to wait for.
+
+        That is: it has come, no evaluator has said anything for a while, or the run was told to stop.
+        """
+        # Not the event's own wait: its lock is no place for a signal handler that sets it.
+        time.sleep(_WAIT_SECONDS)
+        if self._stop.is_set() or self._evaluated >= self.ingest.version:
+            return True
+        return time.monotonic() - self.ingest.evaluated_at > _EVALUATOR_SECONDS
 
     def checkpoint(self) -> str:
         """Write a checkpoint, drop what it makes superfluous and return its name."""
@@ -274,16 +238,16 @@ class Trainer:
                 "updates": updates,
                 "algorithm": document,
                 "rng": self._rng.bit_generator.state,
-                "figures": self._figures.state(),
+                "figures": self.recorder.state(),
                 "ingest": snapshot,
                 "policy": {name: value for name, value in card.items() if name not in ("network", "mapping")},
             },
         )
         self.ingest.forget_before(self._oldest_place())
-        self._curves.flush()
+        self.recorder.flush()
         self._schedule_checkpoint()
         seconds = time.monotonic() - began
-        self._means.add({"time/checkpoint_ms": 1e3 * seconds})
+        self.recorder.note("time/checkpoint_ms", 1e3 * seconds)
         logger.info("checkpoint %s written in %.1f s", folder.name, seconds)
         with self._checkpoint_done:
             self._checkpoints_made += 1
@@ -372,9 +336,7 @@ class Trainer:
     # --- parts -------------------------------------------------------------------------------------------------
 
     def _may_learn(self) -> bool:
-        if self._stop.is_set():
-            return False
-        if not self.keeper.may_update():
+        if self._stop.is_set() or not self.keeper.may_update():
             return False
         if self.cloning and not self.replay.labelled:
             if not self._warned_unlabelled:
@@ -399,28 +361,3 @@ class Trainer:
 
     def _schedule_checkpoint(self) -> None:
         self._checkpoint_at = time.monotonic() + self.config.checkpoints.every_seconds
-
-    def _record(self) -> None:
-        updates = self.keeper.updates
-        self.losses = self._figures.take() or self.losses
-        values = {
-            **self.losses,
-            **self._means.take(),
-            **self.ingest.means.take(),
-            "collect/steps": self.keeper.steps,
-            "collect/steps_per_second": self.ingest.steps_rate.rate,
-            "collect/episodes": self.ingest.episode_count,
-            "replay/transitions": len(self.replay),
-            "replay/fill": self.replay.fill,
-            "replay/megabytes": self.replay.bytes / 1e6,
-            "ratio/actual": self.keeper.actual,
-            "ratio/lead_steps": self.keeper.lead,
-            "ratio/hold_seconds": self.keeper.hold(),
-            "time/updates_per_second": self.updates_rate.rate,
-            "policy/version": self.ingest.version,
-        }
-        for group in GROUPS:
-            late = self.ingest.episodes.means(group)
-            if late is not None:
-                values |= {f"episode_{group}/{name}": value for name, value in asdict(late).items() if name != "count"}
-        self._curves.write(updates, values)

@@ -7,9 +7,10 @@ import torch
 
 from common.config.schema import RunConfig
 from common.messages.experience import Delivery, End
+from learner.algorithm import PublishedVersion
 from learner.run_folder import RunFolder
 from learner.sac import SacLearner
-from learner.trainer import PublishedVersion, Trainer
+from learner.trainer import Trainer
 from tests.learner.experience import deliver, episode_chunks, episode_report, observation_pool
 
 POOL = observation_pool(viewpoints=(2, 25))
@@ -57,9 +58,9 @@ def train_some(trainer: Trainer, updates: int) -> list[dict[str, float]]:
     figures = []
     for _ in range(updates):
         assert trainer.data_is_ready()
-        trainer.losses = {}
+        trainer.recorder.figures = {}
         trainer.learn(trainer.sample())
-        figures.append(trainer.losses)
+        figures.append(trainer.recorder.figures)
         trainer.publish_if_due()
         trainer.record_if_due()
     return figures

@@ -244,3 +244,28 @@ def test_commands_reach_the_loop(tmp_path):
         assert not loop.is_alive()
         assert trainer.checkpoints.names()[-1] == f"{trainer.keeper.updates:09d}"
         trainer.close()
+
+
+def test_a_complete_run_waits_for_the_evaluation_of_its_final_policy(tmp_path):
+    with new_run(tmp_path, learner={"total_updates": 4}) as run:
+        trainer, published = make_trainer(run)
+        trainer.begin()
+        for delivery in episodes(2):
+            trainer.ingest.store(delivery)
+        reports = deliver([episode_report("evaluate", 1, map_name=name) for name in ("a", "b")], actor="eval-0")
+        trainer.ingest.store(reports[0])
+        loop = threading.Thread(target=train, args=(trainer,))
+        loop.start()
+        deadline = time.monotonic() + 60.0
+        while not trainer.complete and time.monotonic() < deadline:
+            time.sleep(0.02)
+        loop.join(0.6)
+        assert loop.is_alive()
+        final = trainer.ingest.version
+        last = deliver([episode_report("evaluate", final, map_name=name) for name in "ab"], actor="eval-1")
+        for delivery in last:
+            trainer.ingest.store(delivery)
+        loop.join(30.0)
+        assert not loop.is_alive()
+        assert trainer.best.version == final == published[-1].version
+        trainer.close()

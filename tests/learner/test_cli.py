@@ -1,0 +1,61 @@
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from common.config.load import load_config
+from learner.cli import app
+
+COMMANDS = [
+    "start", "resume", "status", "stop", "checkpoint", "export", "config", "certificates", "pause", "unpause",
+]  # fmt: skip
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, list(arguments))
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help_with_an_example(command):
+    result = run(command, "--help")
+    assert result.exit_code == 0
+    assert "Example" in result.output and f"hd-learner {command}" in result.output
+
+
+def test_config_prints_what_it_reads_back(tmp_path):
+    result = run("config", "--preset", "workstation", "--set", "learner.batch_size=32", "--run", "office")
+    assert result.exit_code == 0
+    file = tmp_path / "run.toml"
+    file.write_text(result.output)
+    config = load_config(file)
+    assert (config.name, config.learner.batch_size, config.network.width) == ("office", 32, 64)
+    assert "learner.batch_size" in run("config", "--describe").output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("config", "--set", "learner.batchsize=3"), "did you mean"),
+        (("config", "--set", "learner.batch_size=none"), "learner.batch_size"),
+        (("start", "--serial", "--actors", "2"), "leave --actors"),
+        (("resume", "--run", "absent", "--runs", "{folder}"), "there is no run 'absent'"),
+        (("export", "--run", "absent", "--runs", "{folder}"), "there is no run 'absent'"),
+        (("status", "--connect", "nonsense", "--timeout", "0.2"), "an endpoint must be"),
+        (("status", "--connect", "tcp/127.0.0.1:9", "--timeout", "0.2"), "no learner answers"),
+        (("stop", "--run", "office", "--connect", "tcp/127.0.0.1:9", "--timeout", "0.2"), "no learner of the run"),
+    ],
+)
+def test_errors_are_one_clear_line(arguments, words, tmp_path, monkeypatch):
+    monkeypatch.setenv("HD_PROCESS_PREPARED", "1")
+    result = run(*(part.replace("{folder}", str(tmp_path)) for part in arguments))
+    assert result.exit_code == 1
+    assert words in result.output
+    assert "Traceback" not in result.output
+
+
+def test_certificates_are_listed_as_they_are_made(tmp_path):
+    result = run("certificates", str(tmp_path / "pki"), "--actor", "desk", "--robot", "jackal")
+    assert result.exit_code == 0
+    names = json.loads((tmp_path / "pki" / "names.json").read_text())
+    assert names["actors"] == ["desk"] and names["robots"] == ["jackal"]
+    assert "desk.pem" in result.output
