@@ -25,6 +25,9 @@ from common.messages.schema import decode, encode
 
 log = logging.getLogger(__name__)
 
+# Zenoh answers a query itself when nobody did within its timeout.
+ZENOH_TIMEOUT = b"Timeout"
+
 
 @dataclass(slots=True)
 class _Parcel:
@@ -238,9 +241,12 @@ class ExperienceSender:
             if parcel is not None and parcel.in_flight and parcel.attempt == attempt:
                 self._unanswered(sequence, parcel)
             return
-        payload = reply.ok.payload if reply.ok is not None else reply.err.payload if reply.err is not None else None
+        answer = reply.ok if reply.ok is not None else reply.err
+        data = b"" if answer is None else answer.payload.to_bytes()
+        if reply.ok is None and data == ZENOH_TIMEOUT:
+            return  # Zenoh's own word that nobody answered in time; the end of the query follows
         try:
-            ack = decode(b"" if payload is None else payload.to_bytes(), Ack)
+            ack = decode(data, Ack)
         except MessageError as error:
             log.warning("an answer of the learner cannot be read: %s", error)
             return

@@ -135,6 +135,27 @@ def test_what_could_not_be_stored_is_sent_again(sessions, caplog):
     assert "could not be stored" in caplog.text
 
 
+def test_a_slow_learner_is_no_unreadable_one(sessions, caplog):
+    learner, client = sessions
+    order = []
+
+    def store(delivery):
+        order.append(delivery.sequence)
+        time.sleep(1.5 if len(order) == 1 else 0.0)
+        return 0.0
+
+    with (
+        ExperienceServer(learner, "run", 5, store),
+        ExperienceSender(client, "run", "desk-0", ack_timeout=0.4) as sender,
+    ):
+        sender.send(samples.report())
+        assert sender.flush(10)
+        assert sender.acknowledged == 1
+    assert order == [0]
+    assert "does not answer" in caplog.text
+    assert "cannot be read" not in caplog.text
+
+
 def test_the_journal_gets_the_bytes_before_the_store(sessions):
     learner, client = sessions
     order = []
