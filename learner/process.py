@@ -35,6 +35,7 @@ from learner.sac import SacLearner
 from learner.status import LearnerStatus
 from learner.trainer import Trainer
 from learner.view import View
+from learner.warmup import warm_up
 
 logger = logging.getLogger(__name__)
 
@@ -134,6 +135,8 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
     with contextlib.ExitStack() as stack:
         # The bus comes first: a port that is taken is found before the networks are made.
         session = stack.enter_context(open_learner_session(config.bus))
+        device = choose_device(config.learner.device)
+        warm_up(config, device)
         publisher = stack.enter_context(WeightsPublisher(session, config.name))
 
         def publish(version: PublishedVersion) -> None:
@@ -145,7 +148,7 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
                 )
             publisher.publish(newest, averaged)
 
-        algorithm = SacLearner(config, choose_device(config.learner.device))
+        algorithm = SacLearner(config, device)
         trainer = Trainer(run, algorithm, publish)
         stack.callback(trainer.close)
         if resume:

@@ -1,0 +1,89 @@
+"""Compile the learner's kernels before anything waits for it.
+
+Compiling holds Python's lock for seconds, in which no message would be acknowledged.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+
+import numpy as np
+import torch
+
+from common.config.schema import RunConfig
+from common.messages.experience import Chunk, Delivery, End, ExpertLabels
+from common.messages.schema import decode, encode
+from common.observation import NEIGHBOUR_OFFSETS, Observation, ObservationBatch
+from learner.replay import Replay
+from learner.sac import SacLearner
+
+logger = logging.getLogger(__name__)
+
+_SLOW_SECONDS = 5.0
+
+
+def warm_up(config: RunConfig, device: torch.device) -> None:
+    """Take a small message in and make an update of each kind from it, with networks of the run's sizes.
+
+    The first call of a fresh installation takes a minute, a later one a second or two.
+    """
+    began = time.monotonic()
+    logger.info("preparing the kernels; a fresh installation takes a minute for it")
+    replay = Replay(capacity=1_000, max_bytes=4_000_000)
+    replay.add(decode(encode(Delivery("warm-up", 0, 0, _chunk())), Delivery))
+    rng = np.random.default_rng(0)
+    once = {"updates": 1, "anchor_weight": 0.1}
+    small = config.model_copy(
+        update={
+            "network": config.network.model_copy(update={"layers": 1}),
+            "cloning": config.cloning.model_copy(update=once),
+            "sac": config.sac.model_copy(update={"critic_only_updates": 1}),
+        }
+    )
+    algorithm = SacLearner(small, device)
+    algorithm.update(replay.sample_labelled(4, rng))
+    for _ in range(2):
+        algorithm.update(replay.sample(4, rng))
+    if (seconds := time.monotonic() - began) > _SLOW_SECONDS:
+        logger.info("the kernels are ready after %.0f s", seconds)
+
+
+def _chunk() -> Chunk:
+    """Make a short episode to and fro on a lattice of 3 x 3 viewpoints, with labels."""
+    observations = [_observation(robot) for robot in (4, 5, 4)]
+    steps = len(observations) - 1
+    choices = [observation.waypoint_nodes() for observation in observations[:steps]]
+    cost = np.concatenate([np.arange(len(nodes), dtype=np.float32) for nodes in choices])
+    return Chunk(
+        episode=0,
+        first_step=0,
+        observations=ObservationBatch.stack(observations),
+        beacons=np.zeros(steps, dtype=np.int32),
+        waypoints=np.array([nodes[0] for nodes in choices], dtype=np.int32),
+        rewards=np.zeros(steps, dtype=np.float32),
+        versions=np.zeros(steps, dtype=np.int64),
+        labels=ExpertLabels(cost=cost, beacon=np.zeros(steps, dtype=np.int32)),
+        end=End.TERMINAL,
+    )
+
+
+def _observation(robot: int) -> Observation:
+    places = np.array([(x, y) for y in range(3) for x in range(3)], dtype=np.int16)
+    edges = np.zeros(len(places), dtype=np.uint32)
+    for i, place in enumerate(places):
+        for k, offset in enumerate(NEIGHBOUR_OFFSETS):
+            if ((places == place + offset).all(axis=1)).any():
+                edges[i] |= np.uint32(1 << k)
+    return Observation(
+        offsets=places - places[robot],
+        utility=np.arange(len(places), dtype=np.uint16),
+        visited=np.arange(len(places)) == robot,
+        beacon=np.isin(np.arange(len(places)), (0, 8)),
+        edges=edges,
+        robot=robot,
+        has_target=True,
+        target_known=False,
+        target_offset=np.array([4.0, 0.0], dtype=np.float32),
+        target_links=np.array([0, 8], dtype=np.uint16),
+    )
