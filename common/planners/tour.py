@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from types import ModuleType
 from typing import Any, Final
 
@@ -64,7 +65,7 @@ def open_tour(distances: NDArray[np.float64], end: int | None = None) -> list[in
 
 def tour_length(distances: NDArray[np.float64], order: Sequence[int]) -> float:
     """Return the length of a way through stops in order, metres."""
-    return float(sum(distances[a, b] for a, b in zip(order, order[1:], strict=False)))
+    return float(sum(distances[a, b] for a, b in pairwise(order)))
 
 
 def load_ortools() -> tuple[Any, ModuleType]:

@@ -1,0 +1,137 @@
+"""TARE-like exploration: one tour, detailed in the surroundings and coarse beyond."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.config.schema import MappingConfig
+from common.errors import ConfigError
+from common.geometry import Pose
+from common.mapping.mapper import Mapper
+from common.planners.cover import sample_cover, subspace_stops
+from common.planners.lattice import LatticePlanner
+from common.planners.tour import load_ortools, open_tour, tour_length
+from common.planners.visibility import observed
+
+
+class TarePlanner(LatticePlanner):
+    """Cover the surroundings in detail and the rest coarsely, by one tour, planned anew at each viewpoint.
+
+    C. Cao, H. Zhu, H. Choset, J. Zhang: "TARE: A Hierarchical Framework for Efficiently Exploring Complex 3D
+    Environments", Robotics: Science and Systems (RSS), 2021. This planner is TARE-like, not TARE.
+
+    As published: inside a square local horizon that moves with the robot, sets of viewpoints that together cover what
+    is not covered yet are sampled at random in proportion to their gain (algorithm 1), a tour is solved for each set,
+    and the shortest one is kept; outside, space is divided into subspaces of which those with something left to
+    explore are visited as wholes; a viewpoint covers what it sees within a range below that of the sensor; visited
+    viewpoints are never chosen again; tours are solved by OR-Tools.
+
+    Otherwise, and why:
+
+    - One tour orders the local viewpoints and the subspaces together. The publication solves the tour over the
+      subspaces first, cuts it at the horizon and solves the local part between the two cuts, because its local problem
+      has hundreds of viewpoints in 3D. Here both fit into one small problem, and with the cut the robot turned back and
+      forth where a subspace lies across the horizon: some maps did not end at all.
+    - The tour ends anywhere. The publication returns home, which the protocol of this project does not ask for.
+    - What has to be covered are frontier cells, not surface points: the world is planar and a wall is seen with the
+      floor before it.
+    - A way between subspaces is a shortest path over the viewpoint graph, which takes the place of the keypose graph.
+    - No smoothing of the path by the vehicle's dynamics (its section on trajectory optimisation): a decision is one
+      straight edge of the viewpoint graph here.
+    """
+
+    name = "tare"
+
+    def __init__(
+        self,
+        config: MappingConfig,
+        *,
+        horizon: float = 32.0,
+        subspace: float = 16.0,
+        cover_range: float | None = None,
+        samples: int = 4,
+        choices: int = 3,
+        min_gain: int = 10,
+    ) -> None:
+        """Set up.
+
+        Args:
+            config: the mapping that the planner will be given.
+            horizon: half the side of the local square, metres.
+            subspace: side of a subspace, metres.
+            cover_range: a viewpoint covers frontiers up to here, metres; 0.8 of the sensor range when not given. A
+                frontier at the very end of the range would tell nothing new from there.
+            samples: sets of viewpoints that are sampled for each decision; the shortest tour wins.
+            choices: each viewpoint of a set is one of so many best.
+            min_gain: frontier cells that a viewpoint or a subspace must add, until nothing else is left.
+
+        Raises:
+            ConfigError: a setting is out of range, or OR-Tools is not installed.
+        """
+        self._horizon = horizon
+        self._subspace = subspace
+        self._cover_range = 0.8 * config.sensor_range if cover_range is None else cover_range
+        self._samples = samples
+        self._choices = choices
+        self._min_gain = min_gain
+        for setting, value in (("subspace", subspace), ("cover_range", self._cover_range)):
+            if not value > 0.0:
+                raise ConfigError(f"planner 'tare': {setting} must be above 0 m, got {value}")
+        for setting, number in (("samples", samples), ("choices", choices), ("min_gain", min_gain)):
+            if number < 1:
+                raise ConfigError(f"planner 'tare': {setting} must be at least 1, got {number}")
+        load_ortools()
+        super().__init__(config)
+
+    def choose(
+        self, mapper: Mapper, pose: Pose, candidates: NDArray[np.int64], positions: NDArray[np.float64]
+    ) -> list[int]:
+        """Return the stops of the tour; small remainders count only when nothing larger is left."""
+        del pose
+        frontiers = mapper.frontiers
+        reach = self.config.observable_range
+        for least, cover_range in ((self._min_gain, self._cover_range), (1, self._cover_range), (1, reach)):
+            seen = observed(mapper.belief, positions[candidates], frontiers, min(cover_range, reach))
+            tour = self._tour(mapper, candidates, positions, seen, least)
+            if tour:
+                return tour
+        return []
+
+    def _tour(
+        self,
+        mapper: Mapper,
+        candidates: NDArray[np.int64],
+        positions: NDArray[np.float64],
+        seen: NDArray[np.bool_],
+        least: int,
+    ) -> list[int]:
+        """Return the shortest tour of several samples; empty when no viewpoint adds `least` frontier cells."""
+        places = positions[candidates]
+        near = np.abs(places - positions[mapper.robot]).max(axis=1) <= self._horizon
+        local, remote = np.flatnonzero(near), np.flatnonzero(~near)
+        # Subspaces answer only for what cannot be seen from inside the horizon.
+        beyond = seen[remote] & ~seen[local].any(axis=0)
+        far = [int(candidates[remote[k]]) for k in subspace_stops(beyond, places[remote], self._subspace, least)]
+        distances: dict[int, NDArray[np.float64]] = {}
+        best: list[int] = []
+        shortest = np.inf
+        for sample in range(self._samples):
+            random = self.random if sample else None
+            cover = sample_cover(seen[local], random, min_gain=least, choices=self._choices)
+            nodes = [mapper.robot, *(int(candidates[local[k]]) for k in cover), *far]
+            # The robot's own viewpoint, when it was not scanned from yet, is both the start and a stop.
+            stops = list(dict.fromkeys(nodes))
+            for node in stops:
+                if node not in distances:
+                    distances[node] = mapper.distances(node)
+            between = np.array([distances[node][stops] for node in stops])
+            order = open_tour(between)
+            length = tour_length(between, order)
+            if length < shortest and len(nodes) > 1:
+                best, shortest = [stops[k] for k in order], length
+                if mapper.robot not in nodes[1:]:
+                    del best[0]
+            if self._choices == 1 or not cover:
+                break
+        return best
