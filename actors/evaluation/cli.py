@@ -1,0 +1,364 @@
+"""The command `hd-eval`: is it better, by how much, and is that real?"""
+
+from __future__ import annotations
+
+import re
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from actors.evaluation.options import ConfigFile, Limit, Maps, Overrides, ResultsPaths, resolve, settings_of
+from actors.evaluation.results import ResultsError, collect_results, read_results
+from common.cli import EXIT_ERROR, command_errors
+from common.errors import ConfigError
+from common.logs import setup_logging
+
+app = typer.Typer(
+    name="hd-eval",
+    help="Evaluation: run planners on maps, compare them, show and recount what they did.",
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+class TaskChoice(StrEnum):
+    """Tasks to choose from."""
+
+    EXPLORATION = "exploration"
+    NAVIGATION = "navigation"
+
+
+class SimulatorChoice(StrEnum):
+    """Simulators to choose from."""
+
+    GRID = "grid"
+    PYBULLET = "pybullet"
+
+
+class FidelityChoice(StrEnum):
+    """Fidelities of PyBullet to choose from."""
+
+    KINEMATIC = "kinematic"
+    DYNAMIC = "dynamic"
+
+
+class TableFormat(StrEnum):
+    """Formats of the table."""
+
+    TEXT = "text"
+    MARKDOWN = "markdown"
+    LATEX = "latex"
+    CSV = "csv"
+
+
+class UnitsChoice(StrEnum):
+    """Units of distances."""
+
+    METRES = "m"
+    PIXELS = "px"
+
+
+class PlotKind(StrEnum):
+    """Plots to choose from."""
+
+    ALL = "all"
+    TRAJECTORIES = "trajectories"
+    COVERAGE = "coverage"
+    BOXES = "boxes"
+    SCATTER = "scatter"
+
+
+@app.command()
+@command_errors
+def run(
+    planner: Annotated[
+        list[str],
+        typer.Option("--planner", metavar="NAME[,NAME...]", help="Planners, and the reference `omniscient`."),
+    ],
+    maps: Maps,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results; made when missing.")],
+    task: Annotated[TaskChoice, typer.Option("--task", help="What is to be done.")] = TaskChoice.EXPLORATION,
+    sim: Annotated[SimulatorChoice, typer.Option("--sim", help="Simulator.")] = SimulatorChoice.GRID,
+    fidelity: Annotated[FidelityChoice | None, typer.Option("--fidelity", help="Fidelity of PyBullet.")] = None,
+    policy: Annotated[
+        Path | None, typer.Option("--policy", metavar="FILE", help="Policy (.safetensors) of the planner `hdplanner`.")
+    ] = None,
+    limit: Limit = None,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Processes; 0 for one per core.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of planners and simulator.")] = 0,
+    time_limit: Annotated[
+        float, typer.Option("--time-limit", min=0.001, metavar="SECONDS", help="A slower decision fails the episode.")
+    ] = 10.0,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Begin anew instead of going on.")] = False,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+) -> None:
+    """Run planners on maps, and write one results file per planner.
+
+    A run that was broken off goes on where it was when the same command is given again. The exit code is 1 when an
+    episode crashed; the others are not affected.
+
+    Examples:
+    - `hd-eval run --planner greedy,tare,omniscient --maps bench/ --out results/`
+
+    - `hd-eval run --planner hdplanner,hdplanner+revisit --policy best.safetensors --maps bench/ --out results/`
+
+    - `hd-eval run --planner dstar_lite,far --task navigation --maps bench/ --sim pybullet --jobs 4 --out results/`
+    """
+    from actors.evaluation.runner import Evaluation
+    from actors.evaluation.runner import Progress as Finished
+
+    console = Console(stderr=True)
+    setup_logging("warning", console=console if console.is_terminal else None)
+    settings = resolve(
+        maps,
+        limit,
+        config,
+        overrides,
+        task=task.value,
+        simulator=sim.value,
+        fidelity=None if fidelity is None else fidelity.value,
+        seed=seed,
+        time_limit=time_limit,
+        policy=policy,
+    )
+    names = [name for text in planner for name in text.split(",") if name]
+    evaluation = Evaluation(settings, names, out, overwrite=overwrite)
+    bars = _bars(console)
+    with bars:
+        rows = {
+            name: bars.add_task(name, total=evaluation.worlds, completed=evaluation.done(name))
+            for name in dict.fromkeys(names)
+        }
+
+        def watch(finished: Finished) -> None:
+            bars.advance(rows[finished.job.planner])
+
+        evaluation.run(jobs, watch)
+    crashes = evaluation.crashes()
+    for name in rows:
+        console.print(f"{evaluation.results_file(name)}: {evaluation.done(name)} episodes", highlight=False)
+    for name, found in crashes.items():
+        first, outcome = found[0]
+        console.print(f"[bold red]{name}: {len(found)} episodes crashed[/], the first on {first}:", highlight=False)
+        console.print(f"  {outcome.reason}", markup=False, highlight=False)
+    if crashes:
+        raise typer.Exit(EXIT_ERROR)
+
+
+@app.command()
+@command_errors
+def table(
+    results: ResultsPaths,
+    baseline: Annotated[
+        str | None,
+        typer.Option("--baseline", metavar="PLANNER", help="Compare with it: ratio, interval, paired tests."),
+    ] = None,
+    style: Annotated[TableFormat, typer.Option("--format", help="Format of the table.")] = TableFormat.TEXT,
+    units: Annotated[UnitsChoice, typer.Option("--units", help="Metres, or pixels of the maps.")] = UnitsChoice.METRES,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write it there instead.")] = None,
+) -> None:
+    """Compare planners: distance, success, steps, decision time, ratios, paired tests.
+
+    Examples:
+    - `hd-eval table results/ --baseline tare`
+
+    - `hd-eval table results/greedy.json results/tare.json --format latex --out table.tex`
+    """
+    from actors.evaluation.table import make_rows, notes, render
+
+    found = collect_results(results)
+    titles, rows = make_rows(found, baseline, units.value)
+    text = render(titles, rows, style.value, notes(found, baseline))
+    if out is None:
+        sys.stdout.write(text)
+        return
+    try:
+        out.write_text(text, "utf-8")
+    except OSError as error:
+        raise ResultsError(f"cannot write {out} ({error.strerror}): check the folder") from error
+
+
+@app.command()
+@command_errors
+def plot(
+    results: ResultsPaths,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the pictures; made when missing.")],
+    kind: Annotated[PlotKind, typer.Option("--kind", help="What to draw.")] = PlotKind.ALL,
+    maps: Annotated[
+        list[str] | None,
+        typer.Option("--maps", metavar="SOURCE", help="Maps of the results; for trajectories and coverage."),
+    ] = None,
+    map_name: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="NAME", help="Map of the trajectories; may be repeated. [default: the first]"),
+    ] = None,
+    baseline: Annotated[
+        str | None, typer.Option("--baseline", metavar="PLANNER", help="Of the scatter plot. [default: the first]")
+    ] = None,
+    suffix: Annotated[str, typer.Option("--suffix", help="Format: png, svg or pdf.")] = "png",
+    limit: Limit = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+) -> None:
+    """Draw trajectories over the belief, coverage against distance, box plots, paired scatter.
+
+    Examples:
+    - `hd-eval plot results/ --maps bench/ --out pictures/`
+
+    - `hd-eval plot results/ --kind trajectories --map easy/img_3.png --maps bench/ --out pictures/`
+
+    - `hd-eval plot results/ --kind scatter --baseline tare --out pictures/`
+    """
+    from actors.evaluation import plots
+
+    found = collect_results(results)
+    wanted = [kind] if kind is not PlotKind.ALL else [each for each in PlotKind if each is not PlotKind.ALL]
+    console = Console(stderr=True)
+    written: list[Path] = []
+    if PlotKind.TRAJECTORIES in wanted or PlotKind.COVERAGE in wanted:
+        if not maps:
+            raise ConfigError("routes are driven again for this: give --maps, or choose --kind boxes or --kind scatter")
+        settings, worlds = settings_of(found[0], maps, limit, config, overrides)
+        names = list(dict.fromkeys(episode.map for each in found for episode in each.episodes))
+        numbers = worlds.find(names)
+        for name in (map_name or names[:1]) if PlotKind.TRAJECTORIES in wanted else []:
+            if name not in numbers:
+                raise ResultsError(f"the results have no map {name!r}: choose one such as {names[0]!r}")
+            path = out / f"trajectories-{_file_name(name)}.{suffix}"
+            plots.plot_trajectories(found, name, worlds.load(numbers[name]), settings, path)
+            written.append(path)
+        if PlotKind.COVERAGE in wanted:
+            path = out / f"coverage.{suffix}"
+            with _bars(console) as bars:
+                row = bars.add_task("coverage", total=sum(len(each.episodes) for each in found))
+                plots.plot_coverage(
+                    found, lambda name: worlds.load(numbers[name]), settings, path, lambda: bars.advance(row)
+                )
+            written.append(path)
+    if PlotKind.BOXES in wanted:
+        plots.plot_boxes(found, out / f"boxes.{suffix}")
+        written.append(out / f"boxes.{suffix}")
+    if PlotKind.SCATTER in wanted and (len(found) > 1 or kind is PlotKind.SCATTER):
+        plots.plot_scatter(found, baseline or found[0].planner, out / f"scatter.{suffix}")
+        written.append(out / f"scatter.{suffix}")
+    for path in written:
+        console.print(str(path), highlight=False)
+
+
+@app.command()
+@command_errors
+def video(
+    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="Results file of one planner.")],
+    maps: Maps,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The video, ending in .gif or .mp4.")],
+    map_name: Annotated[
+        str | None, typer.Option("--map", metavar="NAME", help="Map of the episode. [default: the first]")
+    ] = None,
+    fps: Annotated[int, typer.Option("--fps", min=1, max=60, help="Pictures per second.")] = 10,
+    width: Annotated[int, typer.Option("--width", min=64, max=3840, help="Width, pixels.")] = 640,
+    limit: Limit = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+) -> None:
+    """Make a GIF or MP4 of an episode.
+
+    Examples:
+    - `hd-eval video results/greedy.json --maps bench/ --map easy/img_3.png --out episode.gif`
+
+    - `hd-eval video results/greedy.json --maps bench/ --out episode.mp4 --fps 20`
+    """
+    from actors.evaluation.video import write_video
+
+    found = read_results(results)
+    episode = next((one for one in found.episodes if map_name in (None, one.map)), None)
+    if episode is None:
+        raise ResultsError(f"{results} has no episode on map {map_name!r}: choose a map that stands in it")
+    settings, worlds = settings_of(found, maps, limit, config, overrides)
+    world = worlds.load(worlds.find([episode.map])[episode.map])
+    count = write_video(found, episode, world, settings, out, fps=fps, width=width)
+    Console(stderr=True).print(f"{out}: {count} pictures of {found.planner} on {episode.map}", highlight=False)
+
+
+@app.command()
+@command_errors
+def replay(
+    results: ResultsPaths,
+    maps: Maps,
+    limit: Limit = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+) -> None:
+    """Recount results from their waypoints alone, and say where they disagree.
+
+    Routes are driven again in the grid simulator: every figure is counted anew and every rule of the protocol is
+    checked. The exit code is 1 when something disagrees.
+
+    Examples:
+    - `hd-eval replay results/ --maps bench/`
+
+    - `hd-eval replay results/greedy.json --maps generator:rooms --limit 20`
+    """
+    from actors.evaluation.replay import recount
+
+    found = collect_results(results)
+    settings, worlds = settings_of(found[0], maps, limit, config, overrides)
+    console = Console(stderr=True)
+    differing = 0
+    for each in found:
+        numbers = worlds.find([episode.map for episode in each.episodes])
+        disagreements = []
+        with _bars(console) as bars:
+            row = bars.add_task(each.planner, total=len(each.episodes))
+            for episode in each.episodes:
+                counted = recount(each, episode, worlds.load(numbers[episode.map]), settings)
+                if counted.problems:
+                    disagreements.append(counted)
+                bars.advance(row)
+        differing += len(disagreements)
+        agree = len(each.episodes) - len(disagreements)
+        sys.stdout.write(f"{each.planner}: {agree} of {len(each.episodes)} episodes agree\n")
+        for counted in disagreements:
+            sys.stdout.writelines(f"  {counted.map}: {problem}\n" for problem in counted.problems)
+    if differing:
+        raise typer.Exit(EXIT_ERROR)
+
+
+@app.command()
+@command_errors
+def planners() -> None:
+    """List the planners by name.
+
+    Example: `hd-eval planners`
+    """
+    from actors.evaluation.settings import names_with_summaries
+
+    for name, summary in names_with_summaries().items():
+        sys.stdout.write(f"{name:18} {summary}\n")
+
+
+def _bars(console: Console) -> Progress:
+    """Return progress bars, which show nothing when the console is no terminal."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        disable=not console.is_terminal,
+    )
+
+
+def _file_name(map_name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_]+", "-", map_name.removesuffix(".png")).strip("-")
+
+
+if __name__ == "__main__":
+    app()

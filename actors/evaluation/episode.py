@@ -1,0 +1,169 @@
+"""One episode of a planner in a world, in the nominal protocol."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from actors.environment import Environment
+from actors.evaluation.pixels import to_pixels
+from actors.evaluation.results import PLACES, DecisionTime, EpisodeResult
+from actors.maps.grid_map import GridMap
+from common.geometry import Pose
+from common.mapping.mapper import Mapper
+from common.messages.experience import End
+from common.planners.base import Plan, Position, Status, TaskName
+
+
+class Decider(Protocol):
+    """What drives an episode: a planner, or the omniscient reference."""
+
+    def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
+        """Begin an episode."""
+        ...
+
+    def plan(self, mapper: Mapper, pose: Pose) -> Plan:
+        """Decide."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How an episode went.
+
+    Attributes:
+        waypoints: (x, y) of the start and of every arrival, pixels of the image (see `EpisodeResult`); empty when it
+            crashed before its start.
+        distance: travelled metres.
+        steps: decisions that were carried out.
+        success: the task was completed.
+        explored: share of the reachable free area that was seen.
+        reason: why it ended, in words.
+        decision_ms: time of every decision, mapping included, milliseconds.
+        crashed: the episode did not end by itself: the planner raised an error, or its process ended.
+        notes: counts that a planner keeps, such as decisions under the revisit rule.
+    """
+
+    waypoints: list[Position]
+    distance: float
+    steps: int
+    success: bool
+    explored: float
+    reason: str
+    decision_ms: list[float]
+    crashed: bool = False
+    notes: dict[str, int] = field(default_factory=dict)
+
+    def result(self, name: str) -> EpisodeResult:
+        """Return the episode as it stands in a results file, under its map's name."""
+        times = np.array(self.decision_ms or [0.0])
+        return EpisodeResult(
+            map=name,
+            waypoints=self.waypoints,
+            distance_m=round(self.distance, PLACES),
+            steps=self.steps,
+            success=self.success,
+            explored_rate=round(self.explored, 6),
+            decision_ms=DecisionTime(
+                median=round(float(np.median(times)), PLACES), p95=round(float(np.quantile(times, 0.95)), PLACES)
+            ),
+        )
+
+
+class Place(NamedTuple):
+    """How far an episode has come.
+
+    Attributes:
+        x: pixels of the image.
+        y: pixels of the image.
+        distance: travelled metres.
+        explored: share of the reachable free area that was seen.
+    """
+
+    x: float
+    y: float
+    distance: float
+    explored: float
+
+    @classmethod
+    def of(cls, environment: Environment) -> Place:
+        """Return where an environment's robot stands."""
+        x, y = to_pixels(environment.world, environment.pose.position)
+        return cls(round(x, PLACES), round(y, PLACES), environment.distance, environment.coverage.explored)
+
+
+Tell = Callable[[str, Place | None], None]
+
+
+def crashed(places: Sequence[Place], reason: str) -> Outcome:
+    """Return the outcome of an episode that did not end by itself, with what it had done so far."""
+    last = places[-1] if places else Place(0.0, 0.0, 0.0, 0.0)
+    waypoints = [(place.x, place.y) for place in places]
+    return Outcome(waypoints, last.distance, max(len(places) - 1, 0), False, last.explored, reason, [], crashed=True)
+
+
+def tell_nobody(event: str, place: Place | None) -> None:
+    """Take an event that nobody watches."""
+    del event, place
+
+
+def run_episode(
+    environment: Environment,
+    planner: Decider,
+    world: GridMap,
+    *,
+    seed: int,
+    time_limit: float,
+    tell: Tell = tell_nobody,
+) -> Outcome:
+    """Run one episode.
+
+    Args:
+        environment: simulator, mapping and task.
+        planner: who decides.
+        world: where.
+        seed: of simulator and planner.
+        time_limit: seconds for one decision; a slower one ends the episode as a failure.
+        tell: called with ``("start", place)``, ``("decide", None)`` before and ``("moved", place)`` after each
+            decision, so that a watcher knows how far an episode had come when its process ends.
+
+    Raises:
+        HDError: the world does not suit, or the planner broke the rules of the protocol.
+    """
+    environment.reset(world, seed, on_lattice=False)
+    places = [Place.of(environment)]
+    tell("start", places[-1])
+    task: TaskName = "navigation" if environment.task.target is not None else "exploration"
+    planner.reset(task, environment.task.target, seed)
+    times: list[float] = []
+    reason = ""
+    while environment.end is End.NONE:
+        tell("decide", None)
+        began = time.perf_counter()
+        plan = planner.plan(environment.mapper, environment.pose)
+        seconds = time.perf_counter() - began
+        times.append(1e3 * (seconds + environment.mapping_seconds))
+        if seconds > time_limit:
+            reason = f"a decision took {seconds:.1f} s, the limit is {time_limit:g} s"
+            break
+        if plan.status is not Status.GOING or plan.waypoint is None:
+            reason = f"the planner says {plan.status.value}: {plan.reason}"
+            break
+        environment.step_to(plan.waypoint)
+        places.append(Place.of(environment))
+        tell("moved", places[-1])
+    applied = getattr(planner, "rule_applied", None)
+    return Outcome(
+        waypoints=[(place.x, place.y) for place in places],
+        distance=environment.distance,
+        steps=environment.steps,
+        success=environment.success,
+        explored=environment.coverage.explored,
+        reason=environment.reason or reason,
+        decision_ms=times,
+        notes={} if applied is None else {"rule_applied": int(applied)},
+    )

@@ -1,0 +1,196 @@
+"""The worker processes of an evaluation: start, feed, watch, replace."""
+
+from __future__ import annotations
+
+import json
+import logging
+import queue
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+from actors.evaluation.episode import Outcome, Place, crashed
+from actors.evaluation.settings import EvaluationSettings
+from common.errors import HDError
+from common.runtime import process_environment
+
+log = logging.getLogger(__name__)
+
+POLL_SECONDS = 0.2
+STOP_SECONDS = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One episode.
+
+    Attributes:
+        planner: name.
+        number: of the world.
+    """
+
+    planner: str
+    number: int
+
+
+class _Worker:
+    """One process, its present job, and how far that has come."""
+
+    def __init__(
+        self, settings: EvaluationSettings, events: queue.Queue[tuple[_Worker, dict[str, Any] | None]]
+    ) -> None:
+        self.ready = False
+        self.job: Job | None = None
+        self.places: list[Place] = []
+        self.deciding_since: float | None = None
+        self.killed_for = ""
+        self._events = events
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "actors.evaluation.worker", settings.model_dump_json()],
+            env=process_environment(threads=1),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def give(self, job: Job) -> None:
+        """Hand out a job."""
+        self.job, self.places, self.deciding_since = job, [], None
+        assert self.process.stdin is not None
+        try:
+            self.process.stdin.write(json.dumps({"planner": job.planner, "number": job.number}) + "\n")
+            self.process.stdin.flush()
+        except BrokenPipeError:
+            # Its end is told by the thread that listens.
+            log.debug("worker %d is gone before its job", self.process.pid)
+
+    def note(self, event: str, value: Any) -> None:
+        """Take in an event of the present job."""
+        self.deciding_since = time.monotonic() if event == "decide" else None
+        if event in ("start", "moved"):
+            self.places.append(Place(*value))
+
+    def stop(self) -> None:
+        """End the process: at once when it works, else by closing its input."""
+        if self.job is not None or not self.ready:
+            self.process.terminate()
+        if self.process.stdin is not None:
+            try:
+                self.process.stdin.close()
+            except BrokenPipeError:
+                log.debug("worker %d was gone already", self.process.pid)
+        try:
+            self.process.wait(STOP_SECONDS)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+    def _listen(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self._events.put((self, json.loads(line)))
+        self._events.put((self, None))
+
+
+# What workers tell, each line with the worker that it came from; None when its process has ended.
+_Events = queue.Queue[tuple[_Worker, dict[str, Any] | None]]
+
+
+class WorkerPool:
+    """Runs jobs in several processes, each of which can be lost without loss of the others' work.
+
+    A worker whose planner does not come back from a decision is ended, and so its episode; one that crashes costs its
+    episode too; in both cases another worker takes its place.
+
+    Usage::
+
+        with WorkerPool(settings, workers=4) as pool:
+            for job, outcome in pool.run(jobs):
+                ...
+    """
+
+    def __init__(self, settings: EvaluationSettings, workers: int) -> None:
+        self._settings = settings
+        self._count = workers
+        self._events: _Events = queue.Queue()
+        self._workers: list[_Worker] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for worker in self._workers:
+            worker.stop()
+        self._workers.clear()
+
+    def run(self, jobs: Sequence[Job]) -> Generator[tuple[Job, Outcome], None, None]:
+        """Yield each job with its outcome, in the order in which they end.
+
+        Raises:
+            HDError: workers cannot start.
+        """
+        waiting = deque(jobs)
+        left = len(waiting)
+        # One first: on a fresh install it compiles for a minute, and all of them would do so at the same time.
+        self._start()
+        while left:
+            try:
+                worker, message = self._events.get(timeout=POLL_SECONDS)
+            except queue.Empty:
+                self._end_overdue()
+                continue
+            if message is None:
+                job, outcome = self._lost(worker)
+                if job is not None and outcome is not None:
+                    left -= 1
+                    yield job, outcome
+                if waiting:
+                    self._start()
+                continue
+            event, value = message["event"], message["value"]
+            if event == "unusable":
+                raise HDError(value)
+            if event == "ready":
+                worker.ready = True
+                while len(self._workers) < min(self._count, left):
+                    self._start()
+            elif event == "done":
+                done, worker.job = worker.job, None
+                assert done is not None
+                left -= 1
+                value["waypoints"] = [(x, y) for x, y in value["waypoints"]]
+                yield done, Outcome(**value)
+            else:
+                worker.note(event, value)
+            if worker.ready and worker.job is None and waiting:
+                worker.give(waiting.popleft())
+
+    def _start(self) -> None:
+        self._workers.append(_Worker(self._settings, self._events))
+
+    def _end_overdue(self) -> None:
+        """End workers whose planner is far beyond the time limit: they do not come back to say so themselves."""
+        limit = self._settings.time_limit
+        for worker in self._workers:
+            since = worker.deciding_since
+            if since is not None and time.monotonic() - since > 2.0 * limit + 2.0:
+                worker.killed_for = f"a decision did not end within {2.0 * limit + 2.0:g} s, the limit is {limit:g} s"
+                worker.process.kill()
+                worker.deciding_since = None
+
+    def _lost(self, worker: _Worker) -> tuple[Job | None, Outcome | None]:
+        """Count a worker's end; return the job that it takes with it."""
+        code = worker.process.wait()
+        self._workers.remove(worker)
+        if not worker.ready:
+            raise HDError(f"the worker processes cannot start (exit code {code}): their last lines above tell why")
+        if worker.job is None:
+            return None, None
+        reason = worker.killed_for or f"its process ended with exit code {code}"
+        return worker.job, crashed(worker.places, reason)

@@ -1,0 +1,146 @@
+"""Results files: one per planner, in a format that anyone can replay and recount."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from common.errors import HDError
+
+# Coordinates and distances are rounded to so many places: far below a cell, and files stay small.
+PLACES = 4
+
+Distance = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Coordinate = Annotated[float, Field(allow_inf_nan=False)]
+Name = Annotated[str, Field(min_length=1, max_length=1000)]
+
+
+class ResultsError(HDError):
+    """A results file cannot be read, or does not say what it should."""
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+
+class DecisionTime(_Record):
+    """Time from a scan to the next waypoint (mapping and planning), milliseconds, over the decisions of an episode."""
+
+    median: Distance
+    p95: Distance
+
+
+class EpisodeResult(_Record):
+    """One episode.
+
+    Attributes:
+        map: name of the map's file, with the folders that tell it apart from others of that name.
+        waypoints: (x, y) in pixels of the image, the start first; x right, y down, from the centre of the top-left
+            pixel.
+        distance_m: travelled metres.
+        steps: decisions that were carried out.
+        success: the task was completed.
+        explored_rate: share of the reachable free area that was seen, 0 to 1.
+        decision_ms: decision time.
+    """
+
+    map: Name
+    waypoints: Annotated[list[tuple[Coordinate, Coordinate]], Field(min_length=1)]
+    distance_m: Distance
+    steps: Annotated[int, Field(ge=0)]
+    success: bool
+    explored_rate: Annotated[float, Field(ge=0.0, le=1.0)]
+    decision_ms: DecisionTime
+
+
+class Results(_Record):
+    """What one planner did on a set of maps.
+
+    Attributes:
+        task: `exploration` or `navigation`.
+        metres_per_pixel: scale of the maps.
+        sensor_range_m: range of the sensor, metres.
+        units: of the waypoints.
+        planner: name of the planner.
+        commit: of the code that made it.
+        seed: of the run.
+        episodes: one per map.
+    """
+
+    task: Literal["exploration", "navigation"]
+    metres_per_pixel: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+    sensor_range_m: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+    units: Literal["px"] = "px"
+    planner: Name
+    commit: str
+    seed: int
+    episodes: list[EpisodeResult]
+
+    @model_validator(mode="after")
+    def _maps_are_different(self) -> Results:
+        names = [episode.map for episode in self.episodes]
+        twice = sorted({name for name in names if names.count(name) > 1}) if len(set(names)) < len(names) else []
+        if twice:
+            raise ValueError(f"map {twice[0]!r} stands in it more than once")
+        return self
+
+
+def write_results(path: Path, results: Results) -> None:
+    """Write a results file, one episode per line; readers see the old file or the whole new one.
+
+    Raises:
+        ResultsError: the file cannot be written.
+    """
+    head = results.model_dump_json(exclude={"episodes"})
+    lines = ",\n".join(episode.model_dump_json() for episode in results.episodes)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_text(f'{head[:-1]},"episodes":[\n{lines}\n]}}\n', "utf-8")
+        temporary.replace(path)
+    except OSError as error:
+        raise ResultsError(f"cannot write {path} ({error.strerror}): check the folder and the space left") from error
+
+
+def read_results(path: Path) -> Results:
+    """Read and check a results file; fields that it has beyond the format are ignored.
+
+    Raises:
+        ResultsError: it cannot be read, or breaks the format.
+    """
+    try:
+        return Results.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise ResultsError(f"cannot read {path} ({error.strerror}): name a results file of 'hd-eval run'") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise ResultsError(
+            f"{path} is no results file: {where}: {first['msg']} ({error.error_count()} problems)"
+        ) from error
+
+
+def collect_results(places: Sequence[Path]) -> list[Results]:
+    """Read results files, and all of those in folders; in the order given, those of a folder by name.
+
+    Raises:
+        ResultsError: there is none, a file is damaged, two have the same planner, or tasks and scales differ.
+    """
+    files: list[Path] = []
+    for place in places:
+        files += sorted(place.glob("*.json")) if place.is_dir() else [place]
+    if not files:
+        raise ResultsError(f"there are no results files in {', '.join(map(str, places))}: make some with 'hd-eval run'")
+    found = [read_results(file) for file in files]
+    first = found[0]
+    for file, results in zip(files, found, strict=True):
+        if (results.task, results.metres_per_pixel) != (first.task, first.metres_per_pixel):
+            raise ResultsError(f"{file} is of another task or scale than {files[0]}: compare results of one kind")
+    planners = [results.planner for results in found]
+    for name in planners:
+        if planners.count(name) > 1:
+            raise ResultsError(f"two results files are of planner {name!r}: choose one of them")
+    return found

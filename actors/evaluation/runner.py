@@ -1,0 +1,170 @@
+"""Runs planners on worlds: in several processes, resumable, with one results file per planner."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from actors.evaluation.episode import Outcome
+from actors.evaluation.journal import Journal
+from actors.evaluation.pool import Job, WorkerPool
+from actors.evaluation.results import Results, ResultsError, write_results
+from actors.evaluation.settings import EvaluationSettings
+from actors.evaluation.worlds import WorldSet
+from common.code_state import code_state, commit_of
+from common.errors import ConfigError
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """One finished episode, for whoever shows progress.
+
+    Attributes:
+        job: planner and world.
+        map: name of the world.
+        outcome: how it went.
+    """
+
+    job: Job
+    map: str
+    outcome: Outcome
+
+
+class Evaluation:
+    """All episodes of some planners on some worlds, in a folder.
+
+    For each planner the folder holds `<planner>.json`, the results, and `<planner>.jsonl`, the journal that lets a
+    broken-off run go on. Episodes depend on the seed and on nothing else, so the number of processes changes nothing.
+
+    Usage::
+
+        evaluation = Evaluation(settings, ["greedy", "tare"], out)
+        evaluation.run(jobs=4, watch=lambda progress: ...)
+        for planner, outcomes in evaluation.crashes().items():
+            ...
+    """
+
+    def __init__(
+        self, settings: EvaluationSettings, planners: Sequence[str], out: Path, *, overwrite: bool = False
+    ) -> None:
+        """Check everything that can be checked before the work starts, and read what was done already.
+
+        Args:
+            settings: what the episodes are.
+            planners: their names, `omniscient` being the reference.
+            out: folder of the results; made when missing.
+            overwrite: forget what was done already.
+
+        Raises:
+            HDError: a planner cannot be made, a map source cannot be used, or the folder holds other results.
+        """
+        self._settings = settings
+        self._planners = list(dict.fromkeys(planners))
+        if not self._planners:
+            raise ConfigError("no planner is named: give --planner NAME[,NAME...], see 'hd-eval planners'")
+        for planner in self._planners:
+            settings.make(planner)
+        self._worlds = WorldSet.open(settings.maps, settings.task.name, settings.metres_per_pixel, settings.limit)
+        self._commit = commit_of(code_state())
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            if overwrite:
+                for planner in self._planners:
+                    self._path(out, planner, "jsonl").unlink(missing_ok=True)
+        except OSError as error:
+            raise ResultsError(f"cannot use the folder {out} ({error.strerror}): choose another --out") from error
+        self._out = out
+        self._journals = {
+            planner: Journal.open(self._path(out, planner, "jsonl"), settings.fingerprint(planner))
+            for planner in self._planners
+        }
+
+    @property
+    def worlds(self) -> int:
+        """Number of worlds."""
+        return len(self._worlds)
+
+    def done(self, planner: str) -> int:
+        """Return the number of worlds that a planner has finished."""
+        outcomes = self._journals[planner].outcomes
+        return sum(number in outcomes for number in self._worlds.numbers)
+
+    def run(self, jobs: int, watch: Callable[[Progress], None] | None = None) -> None:
+        """Run all episodes that are missing; write results also when this is broken off.
+
+        Args:
+            jobs: processes; 0 for one per core.
+            watch: called after each episode.
+
+        Raises:
+            HDError: the processes cannot start, or the results cannot be written.
+        """
+        waiting = [
+            Job(planner, number)
+            for planner in self._planners
+            for number in self._worlds.numbers
+            if number not in self._journals[planner].outcomes
+        ]
+        for planner, journal in self._journals.items():
+            if journal.outcomes and journal.commits[-1:] != [self._commit]:
+                made = ", ".join(journal.commits)
+                log.warning("planner %s: %d episodes were made at commit %s", planner, self.done(planner), made)
+        try:
+            if waiting:
+                self._work(waiting, min(jobs or os.cpu_count() or 1, len(waiting)), watch)
+        finally:
+            self._write()
+
+    def crashes(self) -> dict[str, list[tuple[str, Outcome]]]:
+        """Return the episodes that did not end by themselves: by planner, with the maps' names."""
+        found = {
+            planner: [
+                (self._worlds.name(number), journal.outcomes[number])
+                for number in self._worlds.numbers
+                if number in journal.outcomes and journal.outcomes[number].crashed
+            ]
+            for planner, journal in self._journals.items()
+        }
+        return {planner: crashes for planner, crashes in found.items() if crashes}
+
+    def results_file(self, planner: str) -> Path:
+        """Return where a planner's results are."""
+        return self._path(self._out, planner, "json")
+
+    def _work(self, waiting: Sequence[Job], workers: int, watch: Callable[[Progress], None] | None) -> None:
+        with WorkerPool(self._settings, workers) as pool, closing(pool.run(waiting)) as finished:
+            for job, outcome in finished:
+                name = self._worlds.name(job.number)
+                if outcome.crashed:
+                    log.error("planner %s on %s: %s", job.planner, name, outcome.reason)
+                self._journals[job.planner].add(job.number, outcome, self._commit)
+                if watch is not None:
+                    watch(Progress(job, name, outcome))
+
+    def _write(self) -> None:
+        """Write the results of every planner that has any."""
+        for planner, journal in self._journals.items():
+            done = [(number, journal.outcomes[number]) for number in self._worlds.numbers if number in journal.outcomes]
+            episodes = [outcome.result(self._worlds.name(number)) for number, outcome in done if outcome.waypoints]
+            if episodes:
+                settings = self._settings
+                results = Results(
+                    task=settings.task.name,
+                    metres_per_pixel=settings.metres_per_pixel,
+                    sensor_range_m=settings.mapping.sensor_range,
+                    planner=planner,
+                    commit=", ".join(journal.commits),
+                    seed=settings.seed,
+                    episodes=episodes,
+                )
+                write_results(self.results_file(planner), results)
+
+    @staticmethod
+    def _path(folder: Path, planner: str, suffix: str) -> Path:
+        return folder / f"{planner}.{suffix}"

@@ -1,0 +1,82 @@
+"""What an evaluation is: planners, worlds, task and limits; the same in the command, its workers and its journal."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from actors.evaluation.omniscient import NAME as OMNISCIENT
+from actors.evaluation.omniscient import OmniscientReference
+from common.config.schema import MappingConfig, SimulatorConfig, TaskConfig
+from common.errors import ConfigError
+from common.planners.base import Planner
+from common.planners.registry import make_planner, planner_names, planner_summary
+
+# Planners that need a file with weights.
+LEARNED = ("hdplanner", "hdplanner+revisit")
+
+
+class EvaluationSettings(BaseModel):
+    """Everything that decides what an evaluation's episodes are.
+
+    Attributes:
+        maps: sources of worlds.
+        limit: number of worlds; None for all of a folder.
+        metres_per_pixel: scale of the maps.
+        task: what is to be done.
+        mapping: what the robot makes of its scans.
+        simulator: simulated robot and sensor.
+        seed: of planners and simulator.
+        time_limit: seconds for one decision.
+        policy: file of the learned planner.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    maps: tuple[str, ...]
+    limit: Annotated[int, Field(ge=1)] | None = None
+    metres_per_pixel: Annotated[float, Field(gt=0.0)] = 0.25
+    task: TaskConfig = TaskConfig()
+    mapping: MappingConfig = MappingConfig()
+    simulator: SimulatorConfig = SimulatorConfig(name="grid")
+    seed: Annotated[int, Field(ge=0)] = 0
+    time_limit: Annotated[float, Field(gt=0.0)] = 10.0
+    policy: str | None = None
+
+    def fingerprint(self, planner: str) -> dict[str, Any]:
+        """Return what a planner's episodes depend on, as plain values: two runs that share it can be joined.
+
+        The number of worlds is no part of it, nor the time limit, nor the policy of other planners.
+        """
+        values = self.model_dump(mode="json", exclude={"limit", "time_limit"})
+        return values if planner in LEARNED else {**values, "policy": None}
+
+    def episode_seed(self, number: int) -> int:
+        """Return the seed of the episode in world `number`, the same for every planner."""
+        return int(np.random.SeedSequence([self.seed, number]).generate_state(1)[0])
+
+    def make(self, planner: str) -> Planner | OmniscientReference:
+        """Make a planner, or the omniscient reference, by its name.
+
+        Raises:
+            ConfigError: there is no such planner, it does not do the task, or something that it needs is missing.
+            CheckpointError: the policy cannot be read.
+        """
+        if planner == OMNISCIENT:
+            return OmniscientReference(self.mapping, self.task, self.simulator)
+        settings = {"policy": self.policy} if planner in LEARNED else {}
+        made = make_planner(planner, self.mapping, **settings)
+        if self.task.name not in made.tasks:
+            raise ConfigError(
+                f"planner {planner!r} does {' and '.join(sorted(made.tasks))}, not {self.task.name}; "
+                f"planners for it are: {', '.join([*planner_names(self.task.name), OMNISCIENT])}"
+            )
+        return made
+
+
+def names_with_summaries() -> dict[str, str]:
+    """Return the names of all planners and of the reference, each with a line about it."""
+    names = {name: planner_summary(name) for name in planner_names()}
+    return {**names, OMNISCIENT: "reference, no planner: near-shortest route on the known map"}

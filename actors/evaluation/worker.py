@@ -1,0 +1,136 @@
+"""One worker process of an evaluation: runs episodes that it is told on standard input.
+
+Started as ``python -m actors.evaluation.worker SETTINGS``, the settings being JSON (`EvaluationSettings`). A job is
+one line ``{"planner": NAME, "number": N}``; what happens is told on standard output, one JSON object a line with an
+``event``: ``ready`` (takes jobs), ``start``, ``decide``, ``moved`` (see `run_episode`), ``done`` (with the outcome).
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import signal
+import sys
+import threading
+import traceback
+from dataclasses import asdict
+from typing import Any
+
+from actors.environment import Environment
+from actors.evaluation.episode import Outcome, Place, Tell, crashed, run_episode, tell_nobody
+from actors.evaluation.omniscient import OmniscientReference
+from actors.evaluation.settings import EvaluationSettings
+from actors.evaluation.worlds import WorldSet
+from actors.maps.generators import make_generator
+from actors.maps.grid_map import GridMap
+from actors.process import follow_parent
+from actors.simulators.factory import make_simulator
+from actors.tasks import make_task
+from common.config.schema import RewardConfig
+from common.errors import HDError
+from common.logs import setup_logging
+from common.planners.base import Planner
+
+log = logging.getLogger(__name__)
+
+WARM_UP_STEPS = 6
+
+
+class Worker:
+    """Runs episodes; planners are made once and kept.
+
+    Args:
+        settings: of the evaluation.
+        tell: called with events as `run_episode` describes them.
+    """
+
+    def __init__(self, settings: EvaluationSettings, tell: Tell) -> None:
+        self._settings = settings
+        self._tell = tell
+        self._worlds = WorldSet.open(settings.maps, settings.task.name, settings.metres_per_pixel, settings.limit)
+        self._simulator = make_simulator(settings.simulator, settings.mapping.sensor_range)
+        self._planners: dict[str, Planner | OmniscientReference] = {}
+
+    def run(self, planner: str, number: int) -> Outcome:
+        """Run the episode of a planner in world `number`; whatever goes wrong in it is told in the outcome."""
+        places: list[Place] = []
+
+        def tell(event: str, place: Place | None) -> None:
+            if place is not None:
+                places.append(place)
+            self._tell(event, place)
+
+        try:
+            decider = self._planner(planner)
+            world = self._worlds.load(number)
+            return self._episode(decider, world, self._settings.episode_seed(number), tell)
+        except HDError as error:
+            return crashed(places, f"{error}")
+        except Exception as error:  # noqa: BLE001 - one planner's fault must not end the other episodes
+            log.error("planner %s in world %d:\n%s", planner, number, traceback.format_exc().rstrip())
+            return crashed(places, f"{type(error).__name__}: {error}")
+
+    def close(self) -> None:
+        """Release the simulator."""
+        self._simulator.close()
+
+    def _planner(self, name: str) -> Planner | OmniscientReference:
+        """Return a planner; a new one first decides a few times in a small world, so that all kernels are compiled."""
+        if name not in self._planners:
+            made = self._settings.make(name)
+            small = make_generator("rooms", {"width": "320", "height": "240"}).world(0, self._settings.metres_per_pixel)
+            try:
+                self._episode(made, small, 0, tell_nobody, WARM_UP_STEPS)
+            except Exception as error:  # noqa: BLE001 - a fault shows again, and is reported, in its episodes
+                log.warning("planner %s cannot do the warm-up world: %s", name, error)
+            self._planners[name] = made
+        return self._planners[name]
+
+    def _episode(
+        self, planner: Planner | OmniscientReference, world: GridMap, seed: int, tell: Tell, steps: int | None = None
+    ) -> Outcome:
+        settings = self._settings
+        environment = Environment(
+            self._simulator,
+            settings.mapping,
+            make_task(settings.task),
+            RewardConfig(),
+            settings.task.max_steps if steps is None else steps,
+        )
+        if isinstance(planner, OmniscientReference):
+            planner.prepare(world, seed)
+        limit = settings.time_limit if steps is None else float("inf")
+        return run_episode(environment, planner, world, seed=seed, time_limit=limit, tell=tell)
+
+
+def main(arguments: list[str]) -> int:
+    """Serve jobs until standard input ends; return the exit code."""
+    setup_logging(os.environ.get("HD_LOG_LEVEL", "warning"))
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Libraries that print must not get into the events: those go to the real standard output, prints to the log.
+    events = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    follow_parent(os.getppid(), threading.Event())
+
+    def tell(event: str, value: Any) -> None:
+        events.write(json.dumps({"event": event, "value": value}) + "\n")
+        events.flush()
+
+    try:
+        worker = Worker(EvaluationSettings.model_validate_json(arguments[0]), tell)
+    except HDError as error:
+        tell("unusable", str(error))
+        return 1
+    tell("ready", None)
+    for line in sys.stdin:
+        job = json.loads(line)
+        tell("done", asdict(worker.run(job["planner"], job["number"])))
+    worker.close()
+    return 0
+
+
+if __name__ == "__main__":
+    code = main(sys.argv[1:])
+    sys.stderr.flush()
+    os._exit(code)

@@ -1,0 +1,107 @@
+"""The worlds of an evaluation, each with a name that is unique among them; loaded when their turn comes."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from actors.maps.grid_map import GridMap
+from actors.maps.sources import FolderSource, MapSource, MixedSource, Task, fixed_numbers, open_sources
+from common.errors import MapError
+
+# How many worlds an evaluation takes from a source without an end, a generator, when no limit is given.
+GENERATED_COUNT = 100
+
+
+class WorldSet:
+    """Worlds of one or more sources, always the same ones in the same order.
+
+    A map of a folder is named as its file; where several files of the source have the same name (the public benchmark
+    has `img_1.png` three times), all are named with the folders that tell them apart, such as `easy/img_1.png`.
+
+    Usage::
+
+        worlds = WorldSet.open(["bench/"], "exploration", 0.25, limit=30)
+        for number in worlds.numbers:
+            world = worlds.load(number)
+
+    Attributes:
+        numbers: numbers of the worlds in their source; all that a worker needs to load one.
+    """
+
+    def __init__(self, source: MapSource, limit: int | None) -> None:
+        self._source = source
+        endless = not _only_folders(source)
+        self.numbers = fixed_numbers(source, limit or (GENERATED_COUNT if endless else len(source)))
+        paths = list(_paths(source))
+        self._root: Path | None = None
+        if max(Counter(path.name for path in paths).values(), default=1) > 1:
+            self._root = Path(os.path.commonpath([path.parent for path in paths]))
+
+    @classmethod
+    def open(cls, specs: Sequence[str], task: Task, metres_per_pixel: float, limit: int | None) -> WorldSet:
+        """Open sources as `actors.maps.sources` describes them, and try the first world of each.
+
+        Args:
+            specs: folders of PNG maps, or `generator:NAME[?key=value&...]`.
+            task: navigation needs maps with a target.
+            metres_per_pixel: scale of the maps.
+            limit: number of worlds, spread evenly over a folder; None for all of a folder, or 100 of a generator.
+
+        Raises:
+            MapError: a source cannot be used.
+        """
+        return cls(open_sources(specs, metres_per_pixel, task), limit)
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def load(self, number: int) -> GridMap:
+        """Load the world of a number."""
+        return self._source.world(number)
+
+    def name(self, number: int) -> str:
+        """Return the name of a world; only generated ones have to be made for that."""
+        path = _path(self._source, number)
+        if path is None:
+            return self._source.world(number).name
+        return path.name if self._root is None else path.relative_to(self._root).as_posix()
+
+    def find(self, names: Sequence[str]) -> dict[str, int]:
+        """Return the numbers of worlds by their names.
+
+        Raises:
+            MapError: a name is not among the worlds of this set.
+        """
+        known = {self.name(number): number for number in self.numbers}
+        missing = [name for name in names if name not in known]
+        if missing:
+            raise MapError(
+                f"{self._source.name} has no map {missing[0]!r} ({len(missing)} of {len(names)} are missing): give the "
+                "same --maps (and --limit, for generators) that the results were made with"
+            )
+        return {name: known[name] for name in names}
+
+
+def _only_folders(source: MapSource) -> bool:
+    if isinstance(source, MixedSource):
+        return all(_only_folders(part) for part in source.sources)
+    return isinstance(source, FolderSource)
+
+
+def _paths(source: MapSource) -> Iterator[Path]:
+    if isinstance(source, MixedSource):
+        for part in source.sources:
+            yield from _paths(part)
+    elif isinstance(source, FolderSource):
+        yield from source.paths
+
+
+def _path(source: MapSource, number: int) -> Path | None:
+    """Return the file of a world, None for a generated one."""
+    if isinstance(source, MixedSource):
+        parts = len(source.sources)
+        return _path(source.sources[number % parts], number // parts)
+    return source.paths[number % len(source.paths)] if isinstance(source, FolderSource) else None
