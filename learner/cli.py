@@ -173,6 +173,31 @@ def export(
 
 @app.command()
 @command_errors
+def plot(
+    out: Annotated[Path | None, typer.Option("--out", help="Picture to write; NAME.png.", metavar="FILE")] = None,
+    run: RunName = None,
+    line: Annotated[
+        list[str] | None,
+        typer.Option("--line", help="Yardstick to draw across; may be repeated.", metavar="NAME=METRES"),
+    ] = None,
+    runs: RunsFolder = RUNS,
+) -> None:
+    """Draw the learning curve of a run: distance and success over time. Works while the learner runs.
+
+    Examples:
+    - `hd-learner plot --run office --line greedy=261 --line expert=204 --out curve.png`
+    """
+    from learner.plot import plot_run
+
+    name = run or RunConfig().name
+    path = out or Path(f"{name}.png")
+    curve = plot_run(runs / name, path, dict(map(_yardstick, line or [])))
+    newest = f", newest {curve.distance[-1]:.1f} m, {curve.success[-1]:.0%} complete" if len(curve.minutes) else ""
+    typer.echo(f"{path}: {len(curve.minutes)} evaluations{newest}")
+
+
+@app.command()
+@command_errors
 def certificates(
     folder: Annotated[Path, typer.Argument(help="Where the files go.", metavar="FOLDER")] = Path("pki"),
     host: Annotated[
@@ -195,6 +220,14 @@ def certificates(
 
     for path in write_pki(folder, host or [], actor or [], robot or []):
         typer.echo(str(path))
+
+
+def _yardstick(text: str) -> tuple[str, float]:
+    name, _, metres = text.partition("=")
+    try:
+        return name, float(metres)
+    except ValueError:
+        raise ConfigError(f"--line expects NAME=METRES, such as greedy=261, got {text!r}") from None
 
 
 def _all_overrides(overrides: list[str] | None, run: str | None, listen: str | None, sim: str | None) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -19,6 +20,8 @@ logger = logging.getLogger(__name__)
 actor_log = logging.getLogger("actors")
 
 STOP_SECONDS = 4.0
+# A line of an actor's log: name of the actor (none for its supervisor), time, level, logger, message.
+_LOG_LINE = re.compile(r"(?:([a-z0-9-]+) \| )?[0-9-]+ [0-9:,]+ (DEBUG|INFO|WARNING|ERROR) +([\w.]+): (.*)")
 
 
 def local_endpoint(listen: str) -> str:
@@ -101,8 +104,18 @@ class LocalActors:
         with self._process.stdout as lines:
             for line in lines:
                 if line.strip():
-                    actor_log.info("%s", line.rstrip())
+                    _pass_on(line.rstrip())
         code = self._process.wait()
         if not self._stopping:
             level = logging.ERROR if code else logging.INFO
             logger.log(level, "the local actors have ended with exit code %d; training waits for others", code)
+
+
+def _pass_on(line: str) -> None:
+    """Put a line of the actors into our log, at its own level and without a second time."""
+    found = _LOG_LINE.fullmatch(line)
+    if found is None:
+        actor_log.info("%s", line)
+    else:
+        name, level, logger_name, message = found.groups()
+        actor_log.log(logging.getLevelNamesMapping()[level], "%s", f"{name or logger_name}: {message}")
