@@ -20,8 +20,9 @@ $(STAMP): pyproject.toml constraints.txt
 
 install: $(STAMP)  ## create .venv and install everything into it
 
-run: $(STAMP)  ## train here: a learner and two PyBullet actors, shown live (Ctrl-C ends it)
-	$(BIN)/hd-learner start --preset workstation --actors 2
+run: $(STAMP)  ## train here: a learner, two PyBullet actors and an evaluator, shown live (Ctrl-C ends it, again: goes on)
+	@if [ -d runs/default ]; then $(BIN)/hd-learner resume --actors 2 --evaluators 1; \
+	else $(BIN)/hd-learner start --preset workstation --actors 2 --evaluators 1; fi
 
 test: $(STAMP)  ## the test suite without its slow tests
 	$(BIN)/python -m pytest -n $(JOBS) -m 'not slow'

@@ -84,7 +84,10 @@ def plot_run(folder: Path, out: Path, lines: Mapping[str, float]) -> Curve:
     training, evaluation = read_curves(folder / "episodes.jsonl")
     figure = Figure(figsize=(8.0, 5.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
-    for curve, style in ((training, {"color": "#9ecae1", "label": "training, sampled actions"}), (evaluation, {})):
+    for curve, style in (
+        (training, {"color": "#9ecae1", "label": "training, sampled actions", "marker": ""}),
+        (evaluation, {}),
+    ):
         label = {"color": "#08519c", "marker": "o", "markersize": 3, "label": "validation worlds, greedy"} | style
         above.plot(curve.minutes, curve.distance, **label)
         below.plot(curve.minutes, 100.0 * curve.success, **label)
