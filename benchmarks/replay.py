@@ -15,7 +15,7 @@ import numpy as np
 from common.messages.experience import Chunk, Delivery, End
 from common.messages.schema import decode, encode
 from common.observation import Observation, ObservationBatch
-from learner.replay import Replay
+from learner.replay.buffer import Replay
 from tests.observations import random_observation
 
 STEPS = 16

@@ -17,7 +17,7 @@ from benchmarks.inference import SIZES, fastest
 from common.config.schema import NetworkConfig, RunConfig
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyNetwork
-from learner.sac import SacLearner
+from learner.algorithm.sac import SacLearner
 from tests.common.network.dense import dense_batch, dense_policy
 from tests.transitions import random_transitions
 

@@ -110,7 +110,7 @@ def resume(
 
     - `hd-learner resume --run office --set learner.total_updates=40000` goes on beyond its first goal.
     """
-    from learner.run_folder import check_run
+    from learner.run.folder import check_run
 
     restart_prepared()
     name = run or RunConfig().name
@@ -160,7 +160,7 @@ def export(
 
     - `hd-learner export --run office --which last --out policies/office-now.safetensors`
     """
-    from learner.export import export_policy
+    from learner.run.export import export_policy
 
     name = run or RunConfig().name
     path = out or Path(f"{name}.safetensors")
@@ -187,7 +187,7 @@ def plot(
     Examples:
     - `hd-learner plot --run office --line greedy=261 --line expert=204 --out curve.png`
     """
-    from learner.plot import plot_run
+    from learner.watch.plot import plot_run
 
     name = run or RunConfig().name
     path = out or Path(f"{name}.png")
@@ -252,7 +252,7 @@ def _run(
     console = Console(stderr=True)
     setup_logging(log_level, console=console if console.is_terminal else None)
     # Imported here, so that help and errors of the configuration come at once: torch takes seconds.
-    from learner.run_folder import RunFolder
+    from learner.run.folder import RunFolder
 
     folder = RunFolder.open(runs, config.name) if resume else RunFolder.create(runs, config, overwrite=overwrite)
     with folder, _log_file(folder.path / "learner.log"):

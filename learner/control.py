@@ -8,8 +8,8 @@ from typing import Any
 
 from common.errors import HDError
 from common.messages.replies import ControlRequest
-from learner.status import LearnerStatus
 from learner.trainer import Trainer
+from learner.watch.status import LearnerStatus
 
 logger = logging.getLogger(__name__)
 

@@ -15,12 +15,12 @@ from common.config.schema import RunConfig
 from common.errors import CheckpointError
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.messages.schema import decode, encode
-from learner.episodes import EpisodeLog, group_of
-from learner.evaluation import EvaluationRounds, Round
-from learner.journal import Journal, RecordKind
-from learner.metrics import Means, RateMeter
 from learner.ratio import RatioKeeper
-from learner.replay import Replay
+from learner.replay.buffer import Replay
+from learner.run.episodes import EpisodeLog, group_of
+from learner.run.journal import Journal, RecordKind
+from learner.watch.evaluation import EvaluationRounds, Round
+from learner.watch.metrics import Means, RateMeter
 
 logger = logging.getLogger(__name__)
 

@@ -24,18 +24,18 @@ from common.bus.weights import WeightsPublisher
 from common.messages.replies import Spec
 from common.messages.weights import Weights
 from common.runtime import limit_threads
-from learner.algorithm import PublishedVersion
+from learner.algorithm.base import PublishedVersion
+from learner.algorithm.device import choose_device
+from learner.algorithm.sac import SacLearner
 from learner.control import Control
-from learner.device import choose_device
 from learner.local_actors import LocalActors
 from learner.loop import train
-from learner.report import Reporter
-from learner.run_folder import RunFolder
-from learner.sac import SacLearner
-from learner.status import LearnerStatus
+from learner.run.folder import RunFolder
 from learner.trainer import Trainer
-from learner.view import View
 from learner.warmup import warm_up
+from learner.watch.report import Reporter
+from learner.watch.status import LearnerStatus
+from learner.watch.view import View
 
 logger = logging.getLogger(__name__)
 

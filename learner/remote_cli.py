@@ -18,8 +18,8 @@ from common.bus.spec import list_runs
 from common.cli import command_errors
 from common.config.load import load_config
 from common.errors import BusError, MessageError
-from learner.status import LearnerStatus
-from learner.view import render
+from learner.watch.status import LearnerStatus
+from learner.watch.view import render
 
 RunName = Annotated[
     str | None, typer.Option("--run", help="Name of the run; may be left out when only one is live.", metavar="NAME")

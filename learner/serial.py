@@ -14,15 +14,15 @@ from rich.console import Console
 from actors.collector import Collector
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.runtime import limit_threads
-from learner.algorithm import Algorithm, PublishedVersion
-from learner.device import choose_device
+from learner.algorithm.base import Algorithm, PublishedVersion
+from learner.algorithm.device import choose_device
+from learner.algorithm.sac import SacLearner
 from learner.loop import train
 from learner.process import stop_signals
-from learner.report import Reporter
-from learner.run_folder import RunFolder
-from learner.sac import SacLearner
+from learner.run.folder import RunFolder
 from learner.trainer import Trainer
-from learner.view import View
+from learner.watch.report import Reporter
+from learner.watch.view import View
 
 logger = logging.getLogger(__name__)
 

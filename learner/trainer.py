@@ -15,18 +15,18 @@ import torch
 
 from common.errors import CheckpointError, HDError
 from common.policy_file import PolicyCard
-from learner.algorithm import Algorithm, PublishedVersion
-from learner.batch import TransitionBatch
-from learner.best import BestPolicy
-from learner.checkpoints import CheckpointStore
-from learner.code_state import code_state, commit_of
-from learner.episodes import EpisodeLog
+from learner.algorithm.base import Algorithm, PublishedVersion
+from learner.algorithm.batch import TransitionBatch
 from learner.ingest import Ingest
-from learner.journal import Journal
 from learner.ratio import RatioKeeper
-from learner.recorder import LOG_EVERY, Recorder
-from learner.replay import Replay
-from learner.run_folder import RunFolder
+from learner.replay.buffer import Replay
+from learner.run.best import BestPolicy
+from learner.run.checkpoints import CheckpointStore
+from learner.run.code_state import code_state, commit_of
+from learner.run.episodes import EpisodeLog
+from learner.run.folder import RunFolder
+from learner.run.journal import Journal
+from learner.watch.recorder import LOG_EVERY, Recorder
 
 logger = logging.getLogger(__name__)
 
@@ -66,6 +66,7 @@ class Trainer:
         self._commit = commit_of(code_state())
         self._began = time.monotonic()
         self._checkpoint_at = 0.0
+        self._checkpointed = (-1, -1)
         self._checkpoint_wanted = threading.Event()
         self._checkpoint_done = threading.Condition()
         self._checkpoints_made = 0
@@ -204,7 +205,7 @@ class Trainer:
             self._evaluated = max(self._evaluated, finished.version)
             self.best.consider(finished)
             self.recorder.write_evaluation(finished)
-        if self._checkpoint_wanted.is_set() or time.monotonic() >= self._checkpoint_at:
+        if self._checkpoint_wanted.is_set() or (time.monotonic() >= self._checkpoint_at and self._has_news()):
             self.checkpoint()
 
     def evaluation_is_ready(self) -> bool:
@@ -225,6 +226,7 @@ class Trainer:
         snapshot = self.ingest.snapshot()
         self.ingest.sync()
         updates = self.keeper.updates
+        self._checkpointed = (updates, snapshot["steps"])
         tensors, document = self.algorithm.state()
         for_export = self.algorithm.policy_weights(averaged=bool(self.config.learner.average_decay))
         card = asdict(self.card(snapshot["version"], updates))
@@ -358,6 +360,9 @@ class Trainer:
     def _wake(self) -> None:
         if hasattr(self, "ingest"):
             self.ingest.wake()
+
+    def _has_news(self) -> bool:
+        return (self.keeper.updates, self.keeper.steps) != self._checkpointed
 
     def _schedule_checkpoint(self) -> None:
         self._checkpoint_at = time.monotonic() + self.config.checkpoints.every_seconds

@@ -15,8 +15,8 @@ from common.config.schema import RunConfig
 from common.messages.experience import Chunk, Delivery, End, ExpertLabels
 from common.messages.schema import decode, encode
 from common.observation import NEIGHBOUR_OFFSETS, Observation, ObservationBatch
-from learner.replay import Replay
-from learner.sac import SacLearner
+from learner.algorithm.sac import SacLearner
+from learner.replay.buffer import Replay
 
 logger = logging.getLogger(__name__)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from common.messages.experience import ExpertLabels
 from common.observation import ObservationBatch
-from learner.batch import TransitionBatch
+from learner.algorithm.batch import TransitionBatch
 from tests.observations import TARGETS, Target, random_batch
 
 

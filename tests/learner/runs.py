@@ -7,9 +7,9 @@ import torch
 
 from common.config.schema import RunConfig
 from common.messages.experience import Delivery, End
-from learner.algorithm import PublishedVersion
-from learner.run_folder import RunFolder
-from learner.sac import SacLearner
+from learner.algorithm.base import PublishedVersion
+from learner.algorithm.sac import SacLearner
+from learner.run.folder import RunFolder
 from learner.trainer import Trainer
 from tests.learner.experience import deliver, episode_chunks, episode_report, observation_pool
 

@@ -6,11 +6,11 @@ import pytest
 
 from common.errors import CheckpointError
 from common.messages.schema import encode
-from learner.episodes import EpisodeLog
 from learner.ingest import Ingest
-from learner.journal import Journal
 from learner.ratio import RatioKeeper
-from learner.replay import Replay
+from learner.replay.buffer import Replay
+from learner.run.episodes import EpisodeLog
+from learner.run.journal import Journal
 from tests.learner.experience import deliver, episode_report
 from tests.learner.runs import episodes, small_config
 

@@ -8,7 +8,7 @@ from rich.console import Console
 from safetensors.numpy import load_file
 
 from common.config import load_config
-from learner.run_folder import RunFolder
+from learner.run.folder import RunFolder
 from learner.serial import run_serial
 
 SMALL = [

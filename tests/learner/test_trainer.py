@@ -11,9 +11,9 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from common.errors import CheckpointError, HDError
 from common.policy import Policy
 from common.policy_file import read_policy
-from learner.export import export_policy
 from learner.loop import train
-from learner.run_folder import RunFolder
+from learner.run.export import export_policy
+from learner.run.folder import RunFolder
 from tests.learner.experience import deliver, episode_report
 from tests.learner.runs import POOL, episodes, make_trainer, small_config, train_some
 

@@ -16,7 +16,7 @@ import pytest
 
 from common.messages.experience import Chunk, Delivery
 from common.messages.schema import decode
-from learner.journal import Journal, RecordKind
+from learner.run.journal import Journal, RecordKind
 
 STEPS = 2_000
 ACKNOWLEDGED = re.compile(r"(system-\d+) \| .*message (\d+) of incarnation (\d+) is acknowledged")

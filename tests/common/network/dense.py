@@ -16,7 +16,7 @@ from common.network.decoders import DecoderLayer, Pointer
 from common.network.encoder import Encoder
 from common.network.policy_network import PolicyNetwork
 from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS, Observation, ObservationBatch
-from learner.critic import CriticHead
+from learner.algorithm.critic import CriticHead
 
 
 @dataclass

@@ -1,0 +1,73 @@
+"""Imitation of a privileged expert that knows the cost of every waypoint (RECIPES, recipe (a))."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from common.config.schema import CloningConfig
+from common.network.graph_batch import GraphBatch
+from common.network.policy_network import PolicyOutput
+from common.network.segment import segment_log_softmax, segment_logsumexp, segment_sum
+from learner.algorithm.losses import entropies, joint_log_probability
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Guidance:
+    """The expert's labels on the device, in the slots of a `GraphBatch`.
+
+    Attributes:
+        cost: metres of detour of each waypoint slot, float32, shape (total waypoints,).
+        beacon: slot of the first beacon that the expert reaches, -1 where unknown, int64, shape (k,).
+        labelled: observations that have labels, bool, shape (k,).
+    """
+
+    cost: Tensor
+    beacon: Tensor
+    labelled: Tensor
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CloningLoss:
+    """The imitation loss and its parts, scalars; each part is a mean over the labelled observations."""
+
+    total: Tensor
+    expected_cost: Tensor
+    cross_entropy: Tensor
+    beacon_cross_entropy: Tensor
+
+
+def cloning_loss(output: PolicyOutput, guidance: Guidance, batch: GraphBatch, config: CloningConfig) -> CloningLoss:
+    """Σ_a π(a) c(a) + w₁ CE(softmax(−c), π) + w₂ CE(expert's beacon, π_b) − w₃ H.
+
+    π(a) = Σ_b π_b π_a(a | b) is the marginal of the waypoints, c their cost in units of `cost_scale`, at most
+    `max_cost`, and H = H_b + H_a the policy's entropy. Observations without labels count nowhere.
+    """
+    k, waypoints = len(batch), len(batch.waypoint_rows)
+    cost = (guidance.cost / config.cost_scale).clamp(max=config.max_cost)
+    log_marginal = segment_logsumexp(joint_log_probability(output, batch), batch.pair_waypoint, waypoints)
+    expected = segment_sum(log_marginal.exp() * cost, batch.waypoint_graph, k)
+    wanted = segment_log_softmax(-cost, batch.waypoint_graph, k).exp()
+    cross = -segment_sum(wanted * log_marginal, batch.waypoint_graph, k)
+    beacon_entropy, waypoint_entropy = entropies(output, batch)
+    has_beacon = guidance.labelled & (guidance.beacon >= 0)
+    log_wanted = output.log_beacon.index_select(0, guidance.beacon.clamp(min=0))
+    parts = (
+        _mean(expected, guidance.labelled),
+        _mean(cross, guidance.labelled),
+        _mean(-log_wanted, has_beacon),
+    )
+    entropy = _mean(beacon_entropy + waypoint_entropy, guidance.labelled)
+    total = (
+        parts[0]
+        + config.cross_entropy_weight * parts[1]
+        + config.beacon_weight * parts[2]
+        - config.entropy_bonus * entropy
+    )
+    return CloningLoss(total, *parts)
+
+
+def _mean(values: Tensor, counts: Tensor) -> Tensor:
+    return torch.where(counts, values, torch.zeros_like(values)).sum() / counts.sum().clamp(min=1)

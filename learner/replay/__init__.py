@@ -1,0 +1,1 @@
+"""The replay buffer: ragged sequences in columnar rings."""

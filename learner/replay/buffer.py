@@ -1,0 +1,355 @@
+"""The replay buffer: sequences of ragged observations, each stored once, sampled as transitions."""
+
+from __future__ import annotations
+
+import threading
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.messages.experience import Chunk, Delivery, End, ExpertLabels
+from common.observation import ObservationBatch
+from learner.algorithm.batch import TransitionBatch
+from learner.replay.gather import count_choices, gather_viewpoints
+from learner.replay.memory import SlotColumns, ViewpointRing, plan_memory
+
+T = TypeVar("T", bound=np.generic)
+
+StepKey = tuple[str, int, int, int]
+"""One step of the whole system: (actor, incarnation, episode, step)."""
+
+
+class Replay:
+    """A first-in-first-out buffer of transitions, bounded in number and in bytes; safe between threads.
+
+    An observation is stored once: a transition is a step whose successor is here as well. Within a chunk the
+    successor is the next row; across chunks the two are joined as soon as both are here, in whatever order they came.
+    The last step of an actor that died stays without a successor: it is no transition, but serves imitation when an
+    expert labelled it. What is evicted depends on the order of arrival alone, so the same deliveries rebuild the
+    same buffer.
+
+    Usage::
+
+        replay = Replay(capacity=100_000, max_bytes=500_000_000)
+        replay.add(delivery)
+        batch = replay.sample(64, np.random.default_rng(0))
+
+    Args:
+        capacity: transitions held at most.
+        max_bytes: memory held at most.
+    """
+
+    def __init__(self, capacity: int, max_bytes: int) -> None:
+        self.capacity = capacity
+        self.max_bytes = max_bytes
+        slots, rows = plan_memory(capacity, max_bytes)
+        self._lock = threading.Lock()
+        self._slots = slots
+        self._columns = SlotColumns.allocate(slots)
+        self._slot_bytes = SlotColumns.row_bytes()
+        self._ring = ViewpointRing(rows)
+        # Arrival numbers count for ever: the observations here are those from _oldest to _next - 1.
+        self._oldest = 0
+        self._next = 0
+        self._transitions = 0
+        self._ends: dict[StepKey, int] = {}
+        self._starts: dict[StepKey, int] = {}
+        self._key_of_end: dict[int, StepKey] = {}
+        self._key_of_start: dict[int, StepKey] = {}
+
+    def __len__(self) -> int:
+        """Number of transitions that can be sampled."""
+        return self._transitions
+
+    @property
+    def fill(self) -> float:
+        """Share of the capacity in use, by transitions or by bytes, whichever is nearer to its limit; 0 to 1."""
+        by_bytes = self._ring.live / self._ring.limit
+        return min(1.0, max(self._transitions / self.capacity, by_bytes))
+
+    @property
+    def bytes(self) -> int:
+        """Memory in use, bytes."""
+        return self._ring.live * ViewpointRing.ROW_BYTES + min(self._next, self._slots) * self._slot_bytes
+
+    @property
+    def observations(self) -> int:
+        """Number of observations held."""
+        return self._next - self._oldest
+
+    @property
+    def arrivals(self) -> tuple[int, int]:
+        """Arrival numbers of the oldest observation here and of the next one to come."""
+        with self._lock:
+            return self._oldest, self._next
+
+    def add(self, delivery: Delivery) -> int:
+        """Store the chunk of a delivery and return its number of steps; reports of episodes are no experience.
+
+        The caller delivers each chunk once and has validated it.
+        """
+        chunk = delivery.body
+        if not isinstance(chunk, Chunk):
+            return 0
+        with self._lock:
+            first = self._store_observations(chunk)
+            self._store_steps(chunk, first)
+            self._link(delivery, chunk, first)
+            while self._transitions > self.capacity:
+                self._evict()
+        return chunk.steps
+
+    def sample(self, batch_size: int, rng: np.random.Generator) -> TransitionBatch:
+        """Draw transitions uniformly with replacement.
+
+        Raises:
+            ValueError: when the buffer holds no transition.
+        """
+        with self._lock:
+            return self._draw(self._columns.successor >= 0, batch_size, rng, "transition")
+
+    def sample_labelled(self, batch_size: int, rng: np.random.Generator) -> TransitionBatch:
+        """Draw steps that an expert labelled, uniformly with replacement; their successor may be unknown.
+
+        Raises:
+            ValueError: when the buffer holds no labelled step.
+        """
+        with self._lock:
+            return self._draw(self._columns.labelled, batch_size, rng, "labelled step")
+
+    @property
+    def labelled(self) -> int:
+        """Number of labelled steps."""
+        with self._lock:
+            return int(np.count_nonzero(self._columns.labelled[: min(self._next, self._slots)]))
+
+    def versions(self) -> NDArray[np.int64]:
+        """Return the policy version behind every step held, oldest first."""
+        with self._lock:
+            rows = np.arange(self._oldest, self._next) % self._slots
+            return self._columns.version[rows[self._columns.step[rows]]]
+
+    # --- storing -----------------------------------------------------------------------------------------------
+
+    def _store_observations(self, chunk: Chunk) -> int:
+        """Append all observations of a chunk; return the arrival number of the first."""
+        batch = chunk.observations
+        first_arrival = self._next
+        ends = np.concatenate(([0], np.cumsum(batch.count, dtype=np.int64)))
+        link_ends = np.concatenate(([0], np.cumsum(batch.link_count, dtype=np.int64)))
+        choices = count_choices(ends, batch.robot, batch.edges, batch.target_known, link_ends, batch.target_links)
+        if int(ends[-1]) <= ViewpointRing.LARGEST_PIECE // 2:
+            self._store_piece(batch, 0, len(batch), ends, link_ends, choices)
+        else:
+            for i in range(len(batch)):
+                self._store_piece(batch, i, i + 1, ends, link_ends, choices)
+        return first_arrival
+
+    def _store_piece(
+        self,
+        batch: ObservationBatch,
+        low: int,
+        high: int,
+        ends: NDArray[np.int64],
+        link_ends: NDArray[np.int64],
+        choices: NDArray[np.int32],
+    ) -> None:
+        """Append observations ``low`` to ``high - 1`` as one contiguous piece, after making room for it."""
+        begin, end = int(ends[low]), int(ends[high])
+        count = high - low
+        ring, columns = self._ring, self._columns
+        while ring.live + end - begin > ring.limit or self.observations + count > self._slots:
+            self._evict()
+        at = ring.place(end - begin)
+        target = slice(at, at + end - begin)
+        ring.offsets[target] = batch.offsets[begin:end]
+        ring.utility[target] = batch.utility[begin:end]
+        ring.visited[target] = batch.visited[begin:end]
+        ring.beacon[target] = batch.beacon[begin:end]
+        ring.edges[target] = batch.edges[begin:end]
+        rows = np.arange(self._next, self._next + count) % self._slots
+        part = slice(low, high)
+        columns.start[rows] = at + ends[low:high] - begin
+        columns.count[rows] = batch.count[part]
+        columns.robot[rows] = batch.robot[part]
+        columns.has_target[rows] = batch.has_target[part]
+        columns.target_known[rows] = batch.target_known[part]
+        columns.target_offset[rows] = batch.target_offset[part]
+        columns.link_count[rows] = batch.link_count[part]
+        for i in np.flatnonzero(batch.link_count[part]):
+            links = batch.target_links[link_ends[low + i] : link_ends[low + i + 1]]
+            columns.links[rows[i], : len(links)] = links
+        columns.choices[rows] = choices[part]
+        columns.step[rows] = False
+        columns.successor[rows] = -1
+        columns.predecessor[rows] = -1
+        columns.terminal[rows] = False
+        columns.labelled[rows] = False
+        self._next += count
+
+    def _store_steps(self, chunk: Chunk, first: int) -> None:
+        """Write actions, rewards and labels; join each step to its successor within the chunk."""
+        kept = max(first, self._oldest)  # a chunk larger than the buffer has lost its first observations already
+        skip = kept - first
+        steps = chunk.steps
+        if skip >= steps:
+            return
+        columns = self._columns
+        numbers = np.arange(kept, first + steps)
+        rows = numbers % self._slots
+        columns.step[rows] = True
+        columns.beacon[rows] = chunk.beacons[skip:]
+        columns.waypoint[rows] = chunk.waypoints[skip:]
+        columns.reward[rows] = chunk.rewards[skip:]
+        columns.version[rows] = chunk.versions[skip:]
+        joined = numbers + 1 < first + len(chunk.observations)
+        columns.successor[rows[joined]] = numbers[joined] + 1
+        self._transitions += int(np.count_nonzero(joined))
+        if chunk.end is End.TERMINAL:
+            columns.terminal[rows[-1]] = True
+        if chunk.labels is not None:
+            self._store_labels(chunk.labels, rows, skip, steps)
+
+    def _store_labels(self, labels: ExpertLabels, rows: NDArray[np.int64], skip: int, steps: int) -> None:
+        choices = self._columns.choices[rows]
+        total = len(labels.cost)
+        at = total - int(choices.sum())  # costs of skipped observations come first
+        for row, number in zip(rows, choices, strict=True):
+            self._columns.cost[row, :number] = labels.cost[at : at + number]
+            at += number
+        self._columns.labelled[rows] = True
+        self._columns.first_beacon[rows] = labels.beacon[skip:steps]
+
+    def _link(self, delivery: Delivery, chunk: Chunk, first: int) -> None:
+        """Join the chunk's ends to the chunks before and after it, or note them for when those come."""
+        episode = (delivery.actor, delivery.incarnation, chunk.episode)
+        last = first + chunk.steps - 1
+        if chunk.end is End.NONE and last >= self._oldest:
+            key = (*episode, chunk.first_step + chunk.steps)
+            later = self._starts.pop(key, None)
+            if later is None:
+                self._note(self._ends, self._key_of_end, key, last)
+            else:
+                del self._key_of_start[later]
+                self._join(last, later)
+        if chunk.first_step > 0 and first >= self._oldest:
+            key = (*episode, chunk.first_step)
+            earlier = self._ends.pop(key, None)
+            if earlier is None:
+                self._note(self._starts, self._key_of_start, key, first)
+            else:
+                del self._key_of_end[earlier]
+                self._join(earlier, first)
+
+    @staticmethod
+    def _note(open_ends: dict[StepKey, int], keys: dict[int, StepKey], key: StepKey, number: int) -> None:
+        """Note an open end; a confused actor may have sent the same step under two sequence numbers."""
+        replaced = open_ends.get(key)
+        if replaced is not None:
+            del keys[replaced]
+        open_ends[key] = number
+        keys[number] = key
+
+    def _join(self, step: int, successor: int) -> None:
+        self._columns.successor[step % self._slots] = successor
+        self._columns.predecessor[successor % self._slots] = step
+        self._transitions += 1
+
+    def _evict(self) -> None:
+        """Forget the oldest observation, and with it the transition that starts or ends there."""
+        number = self._oldest
+        columns = self._columns
+        row = number % self._slots
+        if columns.successor[row] >= 0:
+            self._transitions -= 1
+        earlier = int(columns.predecessor[row])
+        if earlier >= number:  # it arrived after its successor, so it outlives it and is a transition no more
+            columns.successor[earlier % self._slots] = -1
+            self._transitions -= 1
+        columns.successor[row] = -1
+        columns.labelled[row] = False
+        for keys, open_ends in ((self._key_of_end, self._ends), (self._key_of_start, self._starts)):
+            key = keys.pop(number, None)
+            if key is not None:
+                del open_ends[key]
+        self._ring.free(int(columns.start[row]), int(columns.count[row]))
+        self._oldest += 1
+
+    # --- sampling ----------------------------------------------------------------------------------------------
+
+    def _draw(
+        self, candidates: NDArray[np.bool_], batch_size: int, rng: np.random.Generator, what: str
+    ) -> TransitionBatch:
+        rows = np.flatnonzero(candidates[: min(self._next, self._slots)])
+        if len(rows) == 0:
+            raise ValueError(f"the replay buffer holds no {what} yet: wait for the actors")
+        # Rows are counted from the oldest, so that the draw does not depend on where the ring stands.
+        shift = int(np.searchsorted(rows, self._oldest % self._slots))
+        drawn = rows[(rng.integers(len(rows), size=batch_size) + shift) % len(rows)]
+        return self._batch(drawn)
+
+    def _batch(self, rows: NDArray[np.int64]) -> TransitionBatch:
+        columns = self._columns
+        successor = columns.successor[rows]
+        valid = successor >= 0
+        following = np.where(valid, successor % self._slots, rows)
+        labelled = columns.labelled[rows]
+        return TransitionBatch(
+            observations=self._gather(rows),
+            next_observations=self._gather(following),
+            beacons=columns.beacon[rows],
+            waypoints=columns.waypoint[rows],
+            rewards=columns.reward[rows],
+            terminal=columns.terminal[rows],
+            next_valid=valid,
+            labelled=labelled,
+            labels=self._labels(rows, labelled) if labelled.any() else None,
+        )
+
+    def _gather(self, rows: NDArray[np.int64]) -> ObservationBatch:
+        columns, ring = self._columns, self._ring
+        count = columns.count[rows]
+        total = int(count.sum())
+        batch = ObservationBatch(
+            count=count,
+            offsets=np.empty((total, 2), dtype=np.int16),
+            utility=np.empty(total, dtype=np.uint16),
+            visited=np.empty(total, dtype=np.bool_),
+            beacon=np.empty(total, dtype=np.bool_),
+            edges=np.empty(total, dtype=np.uint32),
+            robot=columns.robot[rows],
+            has_target=columns.has_target[rows],
+            target_known=columns.target_known[rows],
+            target_offset=columns.target_offset[rows],
+            link_count=columns.link_count[rows],
+            target_links=_ragged(columns.links, rows, columns.link_count[rows]),
+        )
+        gather_viewpoints(
+            columns.start[rows],
+            count,
+            ring.offsets,
+            ring.utility,
+            ring.visited,
+            ring.beacon,
+            ring.edges,
+            batch.offsets,
+            batch.utility,
+            batch.visited,
+            batch.beacon,
+            batch.edges,
+        )
+        return batch
+
+    def _labels(self, rows: NDArray[np.int64], labelled: NDArray[np.bool_]) -> ExpertLabels:
+        columns = self._columns
+        choices = columns.choices[rows]
+        cost = _ragged(columns.cost, rows, choices)
+        cost[~np.repeat(labelled, choices)] = 0.0
+        return ExpertLabels(cost=cost, beacon=np.where(labelled, columns.first_beacon[rows], -1).astype(np.int32))
+
+
+def _ragged(table: NDArray[T], rows: NDArray[np.int64], lengths: NDArray[np.int32]) -> NDArray[T]:
+    """Lay the first ``lengths[i]`` entries of ``table[rows[i]]`` behind one another."""
+    picked = table[rows]
+    return picked[np.arange(picked.shape[1]) < lengths[:, None]]

@@ -1,0 +1,83 @@
+"""The best policy of a run: chosen by complete rounds of evaluation, saved beside the checkpoints."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from common.errors import CheckpointError
+from common.policy_file import PolicyCard
+from learner.run.checkpoints import CheckpointStore
+from learner.watch.evaluation import PublishedPolicies, Round, Score
+
+logger = logging.getLogger(__name__)
+
+
+class BestPolicy:
+    """Keeps the policy with the best evaluation in the checkpoint that `best` points at.
+
+    Args:
+        checkpoints: of the run.
+        describe: makes the card of a policy from its version, its updates and its evaluation.
+    """
+
+    def __init__(
+        self, checkpoints: CheckpointStore, describe: Callable[[int, int, dict[str, float]], PolicyCard]
+    ) -> None:
+        self._checkpoints = checkpoints
+        self._describe = describe
+        self._published = PublishedPolicies()
+        self.version = -1
+        """Version of the best policy, -1 before the first complete evaluation."""
+        self._score: Score | None = None
+        self._recall()
+
+    def remember(self, version: int, updates: int, weights: Mapping[str, NDArray[Any]], pinned: set[int]) -> None:
+        """Keep a published policy for the time that its evaluation takes; see `PublishedPolicies.add`."""
+        self._published.add(version, updates, weights, pinned)
+
+    def consider(self, finished: Round) -> None:
+        """Save the evaluated policy when it is the best so far."""
+        means = finished.means
+        logger.info(
+            "evaluation of version %d: %.0f%% complete, %.1f m, %.1f%% explored",
+            finished.version,
+            100 * means.success,
+            means.distance,
+            100 * means.explored,
+        )
+        score = Score.of(means)
+        if self._score is not None and score <= self._score:
+            return
+        policy = self._published.get(finished.version)
+        if policy is None:
+            logger.warning(
+                "version %d is the best so far, but its weights are no longer here: publish less often "
+                "(learner.publish_every)",
+                finished.version,
+            )
+            return
+        updates, weights = policy
+        card = self._describe(finished.version, updates, asdict(means))
+        document = {**asdict(card), "network": card.network.model_dump(), "mapping": card.mapping.model_dump()}
+        tensors = {name: torch.from_numpy(np.array(array)) for name, array in weights.items()}
+        folder = self._checkpoints.save_best(finished.version, tensors, document)
+        self.version, self._score = finished.version, score
+        logger.info("best policy so far: version %d, saved as %s", finished.version, folder.name)
+
+    def _recall(self) -> None:
+        name = self._checkpoints.pointer("best")
+        if name is None:
+            return
+        try:
+            document = self._checkpoints.load(name).document
+            self._score = Score(document["evaluation"]["success"], -document["evaluation"]["distance"])
+            self.version = int(document["version"])
+        except (CheckpointError, KeyError, TypeError) as error:
+            logger.error("the next evaluation counts as the best: %s", error)

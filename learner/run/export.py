@@ -1,0 +1,68 @@
+"""Policies out of checkpoints, for robots and evaluation."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from common.config.schema import MappingConfig, NetworkConfig
+from common.errors import CheckpointError
+from common.policy_file import PolicyCard, write_policy
+from learner.run.checkpoints import Checkpoint, CheckpointStore
+from learner.run.folder import check_run, read_config
+from learner.trainer import EXPORT_PREFIX
+
+logger = logging.getLogger(__name__)
+
+
+def export_policy(run: Path, which: str, out: Path) -> PolicyCard:
+    """Write a policy of a run; the run may be in training.
+
+    Args:
+        run: folder of the run.
+        which: ``best``, ``last``, or the name of a checkpoint.
+        out: file to write, ending in ``.safetensors``; its card lies beside it.
+
+    Raises:
+        CheckpointError: when there is no such policy, or it is damaged.
+    """
+    check_run(run)
+    config = read_config(run)
+    store = CheckpointStore(run / "checkpoints", config.checkpoints.keep, writer=False)
+    name = store.pointer(which) if which in ("best", "last") else which
+    if name is None and which == "best":
+        name = store.pointer("last")
+        logger.warning("no complete evaluation has chosen a best policy yet: exporting the last checkpoint instead")
+    if name is None:
+        raise CheckpointError(f"run {run.name} has no checkpoint yet")
+    checkpoint = store.load(name)
+    if name.startswith("policy-"):
+        card = _card_of_best(checkpoint)
+        arrays = {key: tensor.numpy() for key, tensor in checkpoint.tensors.items()}
+    else:
+        card = PolicyCard(**checkpoint.document["policy"], network=config.network, mapping=config.mapping)
+        arrays = policy_of(checkpoint)
+    write_policy(out, arrays, card)
+    return card
+
+
+def policy_of(checkpoint: Checkpoint) -> dict[str, NDArray[Any]]:
+    """Return the policy that a training checkpoint carries for export."""
+    found = {
+        name.removeprefix(EXPORT_PREFIX): tensor.numpy()
+        for name, tensor in checkpoint.tensors.items()
+        if name.startswith(EXPORT_PREFIX)
+    }
+    if not found:
+        raise CheckpointError(f"checkpoint {checkpoint.name} carries no policy for export")
+    return found
+
+
+def _card_of_best(checkpoint: Checkpoint) -> PolicyCard:
+    document = dict(checkpoint.document)
+    network = NetworkConfig.model_validate(document.pop("network"))
+    mapping = MappingConfig.model_validate(document.pop("mapping"))
+    return PolicyCard(network=network, mapping=mapping, **document)

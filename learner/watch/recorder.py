@@ -1,0 +1,98 @@
+"""The curves of a run: gathers figures from all parts and writes a point every few updates."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from learner.ingest import Ingest
+from learner.run.episodes import GROUPS
+from learner.watch.evaluation import Round
+from learner.watch.metrics import Curves, Means, RateMeter
+
+LOG_EVERY = 10
+"""Updates between two points of the curves."""
+
+
+class Recorder:
+    """Figures of training between two points, and the curves that they go to. docs/metrics.md explains each.
+
+    Args:
+        folder: of the TensorBoard events.
+        ingest: what collecting has brought.
+        update: updates so far; see `Curves`.
+    """
+
+    def __init__(self, folder: Path, ingest: Ingest, update: int = 0) -> None:
+        self._curves = Curves(folder, update)
+        self._ingest = ingest
+        self._figures = Means()
+        self._means = Means()
+        self.updates_rate = RateMeter(window=20.0)
+        self.figures: dict[str, float] = {}
+        """Newest means of what updates report."""
+
+    def note(self, name: str, value: float) -> None:
+        """Add one value to the mean of a curve's next point."""
+        self._means.add({name: value})
+
+    def note_update(self, figures: dict[str, float]) -> None:
+        """Add what one update reports."""
+        self._figures.add(figures)
+        self.figures = self.figures or figures
+        self.updates_rate.add()
+
+    def write(self) -> None:
+        """Write one point of every curve."""
+        ingest, keeper, replay = self._ingest, self._ingest.keeper, self._ingest.replay
+        self.figures = self._figures.take() or self.figures
+        values = {
+            **self.figures,
+            **self._means.take(),
+            **ingest.means.take(),
+            "collect/steps": keeper.steps,
+            "collect/steps_per_second": ingest.steps_rate.rate,
+            "collect/episodes": ingest.episode_count,
+            "replay/transitions": len(replay),
+            "replay/fill": replay.fill,
+            "replay/megabytes": replay.bytes / 1e6,
+            "ratio/actual": keeper.actual,
+            "ratio/lead_steps": keeper.lead,
+            "ratio/hold_seconds": keeper.hold(),
+            "time/updates_per_second": self.updates_rate.rate,
+            "policy/version": ingest.version,
+        }
+        for group in GROUPS:
+            late = ingest.episodes.means(group)
+            if late is not None:
+                values |= _named(f"episode_{group}", asdict(late))
+        self._curves.write(keeper.updates, values)
+
+    def write_evaluation(self, finished: Round) -> None:
+        """Write the point of a complete round of evaluation."""
+        self._curves.write(self._ingest.keeper.updates, _named("evaluation", asdict(finished.means)))
+
+    def write_text(self, name: str, content: str) -> None:
+        """Write a text, such as the configuration."""
+        self._curves.text(name, content)
+
+    def state(self) -> dict[str, Any]:
+        """Return the figures since the last point, ready for JSON."""
+        return self._figures.state()
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Take over the figures of an earlier process."""
+        self._figures.restore(state)
+
+    def flush(self) -> None:
+        """Bring all points to the files."""
+        self._curves.flush()
+
+    def close(self) -> None:
+        """Flush and close; safe to call twice."""
+        self._curves.close()
+
+
+def _named(group: str, means: dict[str, float]) -> dict[str, float]:
+    return {f"{group}/{name}": value for name, value in means.items() if name != "count"}

@@ -1,0 +1,173 @@
+"""The learner: what each stage trains, reproducibility, exact resumption, and that it learns."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from common.config.schema import RunConfig
+from common.errors import CheckpointError, ConfigError, WeightsError
+from learner.algorithm.batch import TransitionBatch
+from learner.algorithm.device import choose_device
+from learner.algorithm.sac import SacLearner
+from tests.transitions import random_transitions
+
+CPU = torch.device("cpu")
+
+
+def config(**changes: object) -> RunConfig:
+    tree: dict[str, object] = {
+        "network": {"width": 16, "heads": 4, "layers": 1, "variant": "hdplanner"},
+        "learner": {"total_updates": 100},
+        "sac": {"target_interval": 3},
+    }
+    for section, values in changes.items():
+        tree[section] = {**tree.get(section, {}), **values} if isinstance(values, dict) else values  # type: ignore[dict-item]
+    return RunConfig.model_validate(tree)
+
+
+def batches(seed: int, count: int, labelled: float = 0.0) -> list[TransitionBatch]:
+    rng = np.random.default_rng(seed)
+    return [random_transitions(rng, 6, (2, 15), labelled=labelled) for _ in range(count)]
+
+
+def moved(before: dict[str, torch.Tensor], after: dict[str, torch.Tensor]) -> set[str]:
+    """Modules with a weight that changed."""
+    return {name.split("/")[0] for name in before if not torch.equal(before[name], after[name])}
+
+
+@pytest.mark.parametrize("variant", ["vanilla", "hierarchical", "hdplanner"])
+def test_an_update_trains_policy_critics_and_temperatures(variant: str) -> None:
+    learner = SacLearner(config(network={"variant": variant}), CPU)
+    before, _ = learner.state()
+    metrics = learner.update(batches(0, 1)[0])
+    after, _ = learner.state()
+    assert moved(before, after) == {"policy", "critic", "average", "temperatures"}
+    assert all(np.isfinite(value) for value in metrics.values())
+    assert ("loss/contrastive" in metrics) == (variant == "hdplanner")
+    learned = {name for name in before if name.startswith("policy/") and not torch.equal(before[name], after[name])}
+    assert learned == {name for name in before if name.startswith("policy/")}
+
+
+def test_stages_follow_one_another() -> None:
+    learner = SacLearner(config(cloning={"updates": 2}, sac={"critic_only_updates": 2}), CPU)
+    seen = []
+    for batch in batches(1, 6, labelled=1.0):
+        before, _ = learner.state()
+        stage = learner.stage
+        learner.update(batch)
+        after, _ = learner.state()
+        seen.append((stage, moved(before, after) & {"policy", "critic", "temperatures"}))
+    assert seen[:2] == [("cloning", {"policy"})] * 2
+    assert seen[2:4] == [("critic", {"critic"})] * 2
+    assert seen[4:] == [("sac", {"policy", "critic", "temperatures"})] * 2
+
+
+def test_targets_are_copied_every_interval() -> None:
+    learner = SacLearner(config(), CPU)
+    for step, batch in enumerate(batches(2, 4), start=1):
+        before, _ = learner.state()
+        learner.update(batch)
+        after, _ = learner.state()
+        assert ("target" in moved(before, after)) == (step == 3)
+    soft = SacLearner(config(sac={"target_update": "soft"}), CPU)
+    before, _ = soft.state()
+    soft.update(batches(2, 1)[0])
+    assert "target" in moved(before, soft.state()[0])
+
+
+def test_same_seed_same_weights() -> None:
+    runs = []
+    for _ in range(2):
+        learner = SacLearner(config(seed=5), CPU)
+        for batch in batches(3, 3, labelled=0.5):
+            learner.update(batch)
+        runs.append(learner.policy_weights(averaged=False))
+    assert all(np.array_equal(runs[0][name], runs[1][name]) for name in runs[0])
+    other = SacLearner(config(seed=6), CPU).policy_weights(averaged=False)
+    assert any(not np.array_equal(runs[0][name], other[name]) for name in other)
+
+
+def test_resumption_is_exact() -> None:
+    setting = config(cloning={"updates": 1, "anchor_weight": 0.3}, contrastive={"beacons": True})
+    history, future = batches(4, 3, labelled=0.5), batches(5, 3, labelled=0.5)
+    learner = SacLearner(setting, CPU)
+    for batch in history:
+        learner.update(batch)
+    tensors, values = learner.state()
+    resumed = SacLearner(setting.model_copy(update={"seed": 9}), CPU)
+    resumed.restore(tensors, json.loads(json.dumps(values)))
+    for batch in future:
+        assert learner.update(batch) == resumed.update(batch)
+    ours, theirs = learner.state()[0], resumed.state()[0]
+    assert set(ours) == set(theirs)
+    assert all(torch.equal(ours[name], theirs[name]) for name in ours)
+
+
+def test_a_state_that_does_not_fit_is_refused() -> None:
+    tensors, values = SacLearner(config(), CPU).state()
+    with pytest.raises(WeightsError, match="expected shape"):
+        SacLearner(config(network={"width": 32}), CPU).restore(tensors, values)
+    learner = SacLearner(config(), CPU)
+    learner.update(batches(0, 1)[0])
+    tensors, values = learner.state()
+    with pytest.raises(CheckpointError, match=r"optimiser\.critic"):
+        kept = {name: value for name, value in tensors.items() if name != "optimiser.critic/first.value.bias.exp_avg"}
+        SacLearner(config(), CPU).restore(kept, values)
+    with pytest.raises(CheckpointError, match="target"):
+        kept = {name: value for name, value in tensors.items() if not name.startswith("target/")}
+        SacLearner(config(), CPU).restore(kept, values)
+
+
+def test_imitation_learns_the_cheap_waypoints() -> None:
+    setting = config(cloning={"updates": 1000, "learning_rate": 3e-3}, network={"width": 32})
+    learner = SacLearner(setting, CPU)
+    batch = batches(6, 1, labelled=1.0)[0]
+    costs = [learner.update(batch)["cloning/expected_cost"] for _ in range(60)]
+    assert costs[-1] < 0.5 * costs[0]
+
+
+def test_critics_learn_the_reward_of_terminal_transitions() -> None:
+    setting = config(adam={"critic": 3e-3}, network={"width": 32}, learner={"augment": False})
+    learner = SacLearner(setting, CPU)
+    batch = replace(batches(7, 1)[0], terminal=np.ones(6, np.bool_), next_valid=np.ones(6, np.bool_))
+    losses = [learner.update(batch)["loss/critic"] for _ in range(60)]
+    assert losses[-1] < 0.1 * losses[0]
+
+
+def test_unknown_successors_serve_imitation_alone() -> None:
+    learner = SacLearner(config(), CPU)
+    batch = batches(8, 1)[0]
+    dead = replace(batch, terminal=np.zeros(6, np.bool_), next_valid=np.zeros(6, np.bool_))
+    assert learner.update(dead)["loss/critic"] == 0.0
+
+
+def test_the_average_follows_the_policy() -> None:
+    learner = SacLearner(config(), CPU)
+    start = learner.policy_weights(averaged=True)
+    for batch in batches(9, 3):
+        learner.update(batch)
+    newest, average = learner.policy_weights(averaged=False), learner.policy_weights(averaged=True)
+    name = "encoder.embedding.weight"
+    assert 0 < np.abs(average[name] - start[name]).sum() < np.abs(newest[name] - start[name]).sum()
+    off = SacLearner(config(learner={"average_decay": 0.0}), CPU)
+    off.update(batches(9, 1)[0])
+    assert np.array_equal(off.policy_weights(averaged=True)[name], off.policy_weights(averaged=False)[name])
+
+
+def test_bf16_updates_stay_finite() -> None:
+    learner = SacLearner(config(learner={"precision": "bf16"}), CPU)
+    assert all(np.isfinite(value) for value in learner.update(batches(10, 1, labelled=1.0)[0]).values())
+
+
+def test_devices() -> None:
+    assert choose_device("cpu") == CPU
+    with pytest.raises(ConfigError, match="expected auto"):
+        choose_device("gpu")
+    if not torch.cuda.is_available():
+        with pytest.raises(ConfigError, match="no CUDA"):
+            choose_device("cuda:1")

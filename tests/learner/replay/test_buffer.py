@@ -1,0 +1,224 @@
+import threading
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from common.errors import ConfigError
+from common.messages.experience import Chunk, Delivery, End
+from common.observation import Observation
+from learner.replay.buffer import Replay
+from tests.learner.experience import deliver, episode_chunks, episode_report, observation_pool
+
+POOL = observation_pool()
+
+
+def same(a: Observation, b: Observation) -> bool:
+    return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in Observation.__slots__)
+
+
+def all_transitions(deliveries: list[Delivery]) -> dict[float, tuple[Observation, Observation, bool]]:
+    """Reference: every (o, o', terminal) of complete chunks by the reward that names the step."""
+    observations: dict[tuple, Observation] = {}
+    steps = []
+    for delivery in deliveries:
+        chunk = delivery.body
+        assert isinstance(chunk, Chunk)
+        key = (delivery.actor, chunk.episode)
+        for i in range(len(chunk.observations)):
+            observations[(*key, chunk.first_step + i)] = chunk.observations[i]
+        for i in range(chunk.steps):
+            terminal = chunk.end is End.TERMINAL and i == chunk.steps - 1
+            steps.append((float(chunk.rewards[i]), (*key, chunk.first_step + i), terminal))
+    found = {}
+    for reward, (actor, episode, step), terminal in steps:
+        following = observations.get((actor, episode, step + 1))
+        if following is not None:
+            found[reward] = (observations[(actor, episode, step)], following, terminal)
+    return found
+
+
+def drawn(replay: Replay, draws: int = 600) -> dict[float, tuple[Observation, Observation, bool]]:
+    batch = replay.sample(draws, np.random.default_rng(0))
+    assert batch.next_valid.all()
+    return {
+        float(batch.rewards[i]): (batch.observations[i], batch.next_observations[i], bool(batch.terminal[i]))
+        for i in range(draws)
+    }
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.data())
+def test_transitions_are_the_same_in_whatever_order_chunks_arrive(data):
+    rng = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))
+    deliveries = []
+    for episode in range(data.draw(st.integers(1, 4))):
+        steps = data.draw(st.integers(1, 20))
+        end = data.draw(st.sampled_from(list(End)))
+        deliveries += deliver(
+            episode_chunks(rng, POOL, steps, data.draw(st.integers(1, 6)), end, episode=episode),
+            actor=f"desk-{episode % 2}",
+        )
+    expected = all_transitions(deliveries)
+    replay = Replay(capacity=1000, max_bytes=4_000_000)
+    for delivery in data.draw(st.permutations(deliveries)):
+        replay.add(delivery)
+    assert len(replay) == len(expected)
+    if expected:
+        for reward, (o, following, terminal) in drawn(replay).items():
+            assert same(o, expected[reward][0])
+            assert same(following, expected[reward][1])
+            assert terminal == expected[reward][2]
+
+
+def test_a_missing_chunk_leaves_a_gap_until_it_arrives():
+    chunks = deliver(episode_chunks(np.random.default_rng(1), POOL, 12, 4, End.TRUNCATED))
+    replay = Replay(capacity=1000, max_bytes=4_000_000)
+    replay.add(chunks[0])
+    replay.add(chunks[2])
+    assert len(replay) == 3 + 4
+    replay.add(chunks[1])
+    assert len(replay) == 12
+    assert not any(terminal for _, _, terminal in drawn(replay).values())
+
+
+def test_the_dangling_step_of_a_dead_actor_serves_imitation_alone():
+    chunks = deliver(episode_chunks(np.random.default_rng(2), POOL, 4, 4, End.NONE, labelled=True))
+    replay = Replay(capacity=1000, max_bytes=4_000_000)
+    assert replay.add(chunks[0]) == 4
+    assert len(replay) == 3
+    assert replay.labelled == 4
+    batch = replay.sample_labelled(200, np.random.default_rng(0))
+    dangling = batch.rewards == 3.0
+    assert dangling.any()
+    assert not batch.next_valid[dangling].any()
+    assert batch.next_valid[~dangling].all()
+    assert same(batch.next_observations[int(np.flatnonzero(dangling)[0])], chunks[0].body.observations[3])
+
+
+def test_labels_come_back_with_their_observation_in_mixed_batches():
+    rng = np.random.default_rng(3)
+    replay = Replay(capacity=1000, max_bytes=4_000_000)
+    labelled = episode_chunks(rng, POOL, 10, 10, End.TERMINAL, labelled=True, episode=1)
+    replay.add(deliver(labelled)[0])
+    replay.add(deliver(episode_chunks(rng, POOL, 10, 10, End.TERMINAL, episode=2), actor="b")[0])
+    batch = replay.sample(300, rng)
+    assert batch.labels is not None
+    assert set(batch.rewards[batch.labelled] // 1000) == {1.0}
+    assert set(batch.rewards[~batch.labelled] // 1000) == {2.0}
+    expected = labelled[0]
+    widths = [len(expected.observations[i].waypoint_nodes()) for i in range(10)]
+    costs = np.split(expected.labels.cost, np.cumsum(widths)[:-1])
+    at = 0
+    for i in range(len(batch)):
+        width = len(batch.observations[i].waypoint_nodes())
+        found = batch.labels.cost[at : at + width]
+        step = int(batch.rewards[i]) % 1000
+        if batch.labelled[i]:
+            assert np.array_equal(found, costs[step])
+            assert batch.labels.beacon[i] == expected.labels.beacon[step]
+        else:
+            assert not found.any() and batch.labels.beacon[i] == -1
+        at += width
+    assert at == len(batch.labels.cost)
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(100, 140), st.booleans())
+def test_the_oldest_leave_first_and_limits_hold(seed, capacity, reorder):
+    rng = np.random.default_rng(seed)
+    replay = Replay(capacity=capacity, max_bytes=1_000_000)
+    last = -1.0
+    for episode in range(40):
+        end = list(End)[rng.integers(3)]
+        chunks = deliver(episode_chunks(rng, POOL, int(rng.integers(1, 30)), 5, end, episode=episode))
+        if reorder:
+            rng.shuffle(chunks)
+        for chunk in chunks:
+            replay.add(chunk)
+            assert len(replay) <= capacity
+            assert replay.bytes <= 1_000_000
+            last = max(last, float(chunk.body.rewards.max()))
+    found = drawn(replay, 3000)
+    assert len(found) == len(replay)  # each is drawn when as many are drawn
+    assert max(found) // 1000 >= last // 1000 - 1
+    assert min(found) // 1000 > 0
+
+
+def test_a_buffer_bounded_by_bytes_wraps_around_without_mixing_rows():
+    large = observation_pool(seed=5, viewpoints=(200, 400))
+    rng = np.random.default_rng(0)
+    replay = Replay(capacity=1000, max_bytes=1_000_000)
+    recent: dict[float, tuple[Observation, Observation, bool]] = {}
+    for episode in range(60):
+        chunks = deliver(episode_chunks(rng, large, 16, 16, End.TERMINAL, episode=episode))
+        replay.add(chunks[0])
+        recent |= all_transitions(chunks)
+    assert 50 < len(replay) < 150
+    for reward, (o, following, _) in drawn(replay, 300).items():
+        assert same(o, recent[reward][0]) and same(following, recent[reward][1])
+
+
+def test_the_same_deliveries_and_seed_give_the_same_samples_from_any_start():
+    """What a resumed learner rebuilds from a later start of the journal samples like the original."""
+    rng = np.random.default_rng(4)
+    deliveries = []
+    for episode in range(30):
+        deliveries += deliver(episode_chunks(rng, POOL, 12, 4, End.TERMINAL, episode=episode))
+    whole, rebuilt = Replay(100, 1_000_000), Replay(100, 1_000_000)
+    for delivery in deliveries:
+        whole.add(delivery)
+    for delivery in deliveries[30:]:
+        rebuilt.add(delivery)
+    one = whole.sample(64, np.random.default_rng(9))
+    other = rebuilt.sample(64, np.random.default_rng(9))
+    assert np.array_equal(one.rewards, other.rewards)
+    assert np.array_equal(one.observations.edges, other.observations.edges)
+
+
+def test_a_confused_actor_that_repeats_steps_does_no_harm():
+    rng = np.random.default_rng(8)
+    replay = Replay(capacity=100, max_bytes=1_000_000)
+    for sequence in range(200):
+        first, second = episode_chunks(rng, POOL, 8, 4, End.NONE)
+        replay.add(Delivery("a", 1, 2 * sequence, second if sequence % 3 else first))
+        replay.add(Delivery("a", 1, 2 * sequence + 1, second))
+        assert 0 < len(replay) <= 100
+    assert replay.sample(64, rng).next_valid.all()
+
+
+def test_reports_are_no_experience_and_an_empty_buffer_says_so():
+    replay = Replay(capacity=100, max_bytes=1_000_000)
+    assert replay.add(deliver([episode_report()])[0]) == 0
+    assert len(replay) == 0
+    with pytest.raises(ValueError, match="no transition yet"):
+        replay.sample(4, np.random.default_rng(0))
+    with pytest.raises(ValueError, match="no labelled step yet"):
+        replay.sample_labelled(4, np.random.default_rng(0))
+
+
+def test_too_little_memory_is_refused_with_advice():
+    with pytest.raises(ConfigError, match=r"max_bytes.*1,000,000 or more"):
+        Replay(capacity=100, max_bytes=500_000)
+
+
+def test_adding_and_sampling_from_threads_never_mixes_observations():
+    rng = np.random.default_rng(6)
+    episodes = [deliver(episode_chunks(rng, POOL, 20, 5, End.TERMINAL, episode=e)) for e in range(60)]
+    expected = all_transitions([delivery for chunks in episodes for delivery in chunks])
+    replay = Replay(capacity=150, max_bytes=1_000_000)
+    for chunk in episodes[0]:
+        replay.add(chunk)
+
+    def write():
+        for chunks in episodes[1:]:
+            for chunk in chunks:
+                replay.add(chunk)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    while writer.is_alive():
+        for reward, (o, following, _) in drawn(replay, 16).items():
+            assert same(o, expected[reward][0]) and same(following, expected[reward][1])
+    writer.join()

@@ -1,0 +1,82 @@
+import json
+import subprocess
+import sys
+
+import pytest
+
+from common.config.schema import LearnerConfig, RunConfig
+from common.errors import CheckpointError
+from learner.run.folder import RunFolder
+
+
+def test_a_new_run_is_complete_and_comes_back(tmp_path):
+    config = RunConfig(name="office-1", seed=3)
+    with RunFolder.create(tmp_path, config) as run:
+        assert run.path == tmp_path / "office-1"
+        code = json.loads((run.path / "code.json").read_text())
+        assert "commit" in code["git"] or "absent" in code["git"]
+        assert code["packages"]["torch"]
+    with RunFolder.open(tmp_path, "office-1") as run:
+        assert run.config == config
+
+
+def test_a_run_is_never_overwritten_without_being_told(tmp_path):
+    config = RunConfig(name="a")
+    with RunFolder.create(tmp_path, config) as run:
+        (run.path / "episodes.jsonl").write_text("precious\n")
+    with pytest.raises(CheckpointError, match=r"exists already.*resume --run a.*--overwrite"):
+        RunFolder.create(tmp_path, config)
+    assert (tmp_path / "a" / "episodes.jsonl").read_text() == "precious\n"
+    with RunFolder.create(tmp_path, config, overwrite=True) as run:
+        assert not run.episodes.exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+def test_overwriting_never_deletes_what_is_no_run(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "thesis.tex").write_text("precious")
+    with pytest.raises(CheckpointError, match="not the folder of a run"):
+        RunFolder.create(tmp_path, RunConfig(name="a"), overwrite=True)
+    assert (tmp_path / "a" / "thesis.tex").exists()
+
+
+def test_two_learners_cannot_work_on_one_run(tmp_path):
+    with RunFolder.create(tmp_path, RunConfig(name="a")):
+        for attempt in (
+            lambda: RunFolder.open(tmp_path, "a"),
+            lambda: RunFolder.create(tmp_path, RunConfig(name="a"), overwrite=True),
+        ):
+            with pytest.raises(CheckpointError, match=r"a learner \(process \d+\) works on the run.*stop it first"):
+                attempt()
+    RunFolder.open(tmp_path, "a").close()
+
+
+def test_the_lock_dies_with_its_process(tmp_path):
+    program = (
+        "import os, sys; from pathlib import Path; from common.config.schema import RunConfig; "
+        "from learner.run.folder import RunFolder; "
+        "run = RunFolder.create(Path(sys.argv[1]), RunConfig(name='a')); os.kill(os.getpid(), 9)"
+    )
+    assert subprocess.run([sys.executable, "-c", program, str(tmp_path)]).returncode == -9
+    RunFolder.open(tmp_path, "a").close()
+
+
+def test_an_unknown_run_names_those_that_exist(tmp_path):
+    with pytest.raises(CheckpointError, match="no run 'b'.*there is none yet"):
+        RunFolder.open(tmp_path, "b")
+    RunFolder.create(tmp_path, RunConfig(name="a")).close()
+    with pytest.raises(CheckpointError, match="no run 'b'.*there are: a"):
+        RunFolder.open(tmp_path, "b")
+
+
+def test_a_changed_configuration_keeps_the_one_before(tmp_path):
+    config = RunConfig(name="a")
+    with RunFolder.create(tmp_path, config) as run:
+        changed = config.model_copy(update={"learner": LearnerConfig(total_updates=5)})
+        run.reconfigure(config)
+        assert not list(run.path.glob("config.*.json"))
+        run.reconfigure(changed)
+        before = json.loads((run.path / "config.1.json").read_text())
+        assert before["learner"]["total_updates"] == 20_000
+    with RunFolder.open(tmp_path, "a") as run:
+        assert run.config.learner.total_updates == 5

@@ -1,0 +1,62 @@
+import json
+
+from learner.run.episodes import EpisodeLog
+from learner.watch.evaluation import EvaluationRounds, PublishedPolicies, Score
+from tests.learner.experience import episode_report
+
+
+def evaluate(version, name, **changes):
+    return episode_report("evaluate", version, map_name=name, **changes)
+
+
+def test_a_round_is_complete_when_one_version_has_run_on_every_world():
+    rounds = EvaluationRounds(worlds=2)
+    assert rounds.add("eval-0", 1, evaluate(5, "a", distance=100.0)) is None
+    assert rounds.add("eval-0", 1, evaluate(5, "a", distance=100.0)) is None  # the same world again
+    assert rounds.versions == {5}
+    done = rounds.add("eval-0", 1, evaluate(5, "b", distance=300.0, success=False))
+    assert done is not None
+    assert (done.version, done.means.distance, done.means.success) == (5, 200.0, 0.5)
+    assert rounds.versions == set()
+
+
+def test_unfinished_rounds_are_given_up_and_evaluators_counted_apart():
+    rounds = EvaluationRounds(worlds=2)
+    rounds.add("eval-0", 1, evaluate(5, "a"))
+    rounds.add("eval-1", 1, evaluate(5, "b"))
+    assert rounds.add("eval-0", 1, evaluate(6, "b")) is None
+    assert rounds.add("eval-0", 2, evaluate(6, "a")) is None
+    assert rounds.add("eval-1", 1, evaluate(5, "a")) is not None
+
+
+def test_success_counts_before_distance():
+    assert Score(0.9, -400.0) > Score(0.8, -100.0)
+    assert Score(0.9, -100.0) > Score(0.9, -101.0)
+
+
+def test_policies_under_evaluation_outlive_the_others():
+    policies = PublishedPolicies(keep=2)
+    for version in range(1, 7):
+        policies.add(version, version * 10, {}, pinned={2})
+    assert [version for version in range(1, 7) if policies.get(version)] == [2, 5, 6]
+
+
+def test_episodes_are_one_line_each_and_means_are_kept_by_group(tmp_path):
+    log = EpisodeLog(tmp_path / "episodes.jsonl")
+    assert log.means("train") is None
+    log.append(episode_report(distance=100.0), actor="a-0")
+    length = log.length
+    log.append(episode_report(distance=300.0), actor="a-0")
+    log.append(episode_report(driver="expert", distance=50.0), actor="a-0")
+    log.close()
+    lines = [json.loads(line) for line in (tmp_path / "episodes.jsonl").read_text().splitlines()]
+    assert [line["distance"] for line in lines] == [100.0, 300.0, 50.0]
+    assert lines[0]["actor"] == "a-0"
+    again = EpisodeLog(tmp_path / "episodes.jsonl")
+    assert again.means("train").distance == 200.0
+    assert again.means("expert").count == 1
+    again.close()
+    cut = EpisodeLog(tmp_path / "episodes.jsonl", length)
+    assert cut.means("train").distance == 100.0
+    assert cut.length == length == (tmp_path / "episodes.jsonl").stat().st_size
+    cut.close()

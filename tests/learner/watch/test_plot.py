@@ -1,0 +1,59 @@
+"""The learning curve as a picture."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from learner.cli import app
+from learner.watch.plot import read_curves
+
+
+def row(time, role="train", version=1, distance=100.0, success=True, driver="policy"):
+    return {
+        "time": time, "actor": "desk-0", "updates": 10 * version, "role": role, "driver": driver, "version": version,
+        "distance": distance, "success": success,
+    }  # fmt: skip
+
+
+@pytest.fixture
+def runs(tmp_path):
+    rows = [row(60.0 * i, distance=200.0 - i) for i in range(60)]
+    rows += [row(3600.0 + i, driver="expert", distance=1.0) for i in range(5)]
+    rows += [row(4000.0, "evaluate", 1, 90.0, False), row(4001.0, "evaluate", 1, 70.0)]
+    rows += [row(4060.0, "evaluate", 2, 50.0)]  # a round that is not complete
+    (tmp_path / "office").mkdir()
+    (tmp_path / "office" / "episodes.jsonl").write_text("".join(json.dumps(each) + "\n" for each in rows))
+    return tmp_path
+
+
+def test_points_are_means_of_what_they_say(runs):
+    training, evaluation = read_curves(runs / "office" / "episodes.jsonl")
+    assert training.distance[-1] == pytest.approx(sum(200.0 - i for i in range(10, 60)) / 50)
+    assert training.minutes[-1] == pytest.approx(59.0)
+    assert evaluation.distance.tolist() == [80.0]
+    assert evaluation.success.tolist() == [0.5]
+    assert evaluation.updates.tolist() == [10.0]
+
+
+def test_the_command_writes_a_picture(runs, tmp_path):
+    out = tmp_path / "pictures" / "curve.png"
+    words = ["plot", "--runs", str(runs), "--run", "office", "--out", str(out), "--line", "greedy=261"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    assert out.read_bytes().startswith(b"\x89PNG")
+    assert "1 evaluations, newest 80.0 m, 50% complete" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--run", "nothing"], "does not exist"),
+        (["--run", "office", "--line", "greedy"], "NAME=METRES"),
+        (["--run", "office", "--out", "curve.xyz"], "cannot write"),
+    ],
+)
+def test_what_cannot_be_drawn_is_explained(runs, words, reason):
+    result = CliRunner().invoke(app, ["plot", "--runs", str(runs), *words])
+    assert result.exit_code == 1
+    assert reason in result.stderr

@@ -1,0 +1,106 @@
+import dataclasses
+import io
+import json
+import logging
+import time
+
+import pytest
+from rich.console import Console
+
+from learner.run.episodes import EpisodeMeans
+from learner.watch.status import ActorStatus, LearnerStatus
+from learner.watch.view import View, line, render
+
+ACTOR = ActorStatus(
+    name="desk-0",
+    role="actor",
+    alive=True,
+    host="desk",
+    steps_per_second=61.2,
+    steps=12_345,
+    episodes=321,
+    version=40,
+    lag=2,
+    lag_seconds=7.0,
+    buffered=1,
+    silent=0.3,
+    state="acting",
+)
+STATUS = LearnerStatus(
+    run="office",
+    folder="runs/office",
+    endpoint="tcp/127.0.0.1:7447",
+    state="training",
+    device="cpu",
+    uptime=100.0,
+    steps=54_321,
+    episodes=987,
+    updates=3_394,
+    total_updates=20_000,
+    steps_per_second=122.5,
+    updates_per_second=7.25,
+    version=42,
+    replay=54_000,
+    replay_capacity=100_000,
+    replay_fill=0.54,
+    replay_bytes=130_000_000,
+    ratio_declared=0.0625,
+    ratio_actual=0.0624,
+    ratio_lead=17.0,
+    hold=0.0,
+    next_checkpoint=123.0,
+    last_checkpoint="000003200",
+    best=37,
+    refused=0,
+    losses={"loss/critic": 0.512, "loss/policy": -1.25},
+    late={"train": EpisodeMeans(100, 251.3, 0.97, 0.992, 3.5, 41.2, 0.0)},
+    actors=[ACTOR, dataclasses.replace(ACTOR, name="desk-1", alive=False)],
+)
+
+
+def drawn(status: LearnerStatus, width: int) -> str:
+    console = Console(file=io.StringIO(), width=width)
+    console.print(render(status))
+    return console.file.getvalue()
+
+
+@pytest.mark.parametrize("width", [80, 140])
+def test_the_view_shows_every_figure_unshortened(width):
+    text = drawn(STATUS, width)
+    for figure in (
+        "office", "training", "54,321 steps", "122.5/s", "3,394", "7.25/s", "0.0624", "declared 0.0625", "54%",
+        "best 37", "at 3200", "next in 123 s", "loss/critic 0.512", "251.3 m", "97%", "99.2%", "61.2", "2 (7 s)",
+        "12,345", "gone", "actors: 1 alive",
+    ):  # fmt: skip
+        assert figure in text, figure
+    assert all(len(row) <= width for row in text.splitlines())
+
+
+def test_the_view_of_a_run_that_has_just_begun_has_no_holes():
+    empty = dataclasses.replace(STATUS, losses={}, late={}, actors=[], updates=0, steps=0, best=-1, last_checkpoint="")
+    text = drawn(empty, 80)
+    for word in ("no update yet", "none yet", "none evaluated", "hd-actor"):
+        assert word in text
+    assert "0 actors" in line(empty)
+
+
+def test_held_actors_are_said_in_view_and_line():
+    held = dataclasses.replace(STATUS, hold=3.2)
+    assert "actors wait 3.2 s" in drawn(held, 80)
+    assert "actors held 3.2 s" in line(held)
+
+
+def test_status_travels_as_json():
+    again = LearnerStatus.from_json(json.loads(json.dumps(STATUS.to_json())))
+    assert again == STATUS
+
+
+def test_without_a_terminal_there_are_plain_lines(caplog):
+    caplog.set_level(logging.INFO)
+    console = Console(file=io.StringIO(), force_terminal=False)
+    with View(lambda: STATUS, console, line_seconds=0.05):
+        deadline = time.monotonic() + 5.0
+        while "54,321 steps" not in caplog.text and time.monotonic() < deadline:
+            time.sleep(0.02)
+    assert "training, 54,321 steps (122.5/s), 3,394 updates (7.25/s), replay 54%" in caplog.text
+    assert console.file.getvalue() == ""
