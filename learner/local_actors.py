@@ -9,9 +9,8 @@ import subprocess
 import sys
 import threading
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Self
 
+from common.closing import Closing
 from common.config.schema import BusConfig
 from common.errors import ConfigError
 from common.runtime import process_environment
@@ -31,7 +30,7 @@ def local_endpoint(listen: str) -> str:
     return listen
 
 
-class LocalActors:
+class LocalActors(Closing):
     """One `hd-actor` command with several actors; it ends with this process, whatever happens to that.
 
     Its output appears in our log, line by line. When it ends by itself, the log says so and training goes on.
@@ -90,14 +89,6 @@ class LocalActors:
                 self._process.kill()
                 self._process.wait()
         self._reader.join(1.0)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _read(self) -> None:
         assert self._process.stdout is not None

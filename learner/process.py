@@ -9,7 +9,6 @@ import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from types import FrameType
-from typing import Self
 
 import zenoh
 from rich.console import Console
@@ -21,6 +20,7 @@ from common.bus.session import new_incarnation, open_learner_session
 from common.bus.spec import SpecServer
 from common.bus.stats import StatsTable, publish_stats
 from common.bus.weights import WeightsPublisher
+from common.closing import Closing
 from common.messages.replies import Spec
 from common.messages.weights import Weights
 from common.runtime import limit_threads
@@ -58,7 +58,7 @@ class Companions:
     options: tuple[str, ...] = ()
 
 
-class Link:
+class Link(Closing):
     """The learner's side of the bus: everything that is declared there, closed together.
 
     Args:
@@ -104,12 +104,6 @@ class Link:
         self._closed.set()
         self._ticker.join()
         self._stack.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _tick(self) -> None:
         while not self._closed.wait(STATS_SECONDS):

@@ -5,12 +5,11 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self
 
 import zenoh
 
 from common.bus.keys import Keys, Role, process_of
+from common.closing import Closing
 
 log = logging.getLogger(__name__)
 
@@ -36,7 +35,7 @@ def present(session: zenoh.Session, run: str, timeout: float = 1.0) -> frozenset
     return frozenset(found)
 
 
-class PresenceWatcher:
+class PresenceWatcher(Closing):
     """Knows who is there.
 
     Usage::
@@ -78,14 +77,6 @@ class PresenceWatcher:
     def close(self) -> None:
         """Stop watching. Safe to call twice."""
         self._subscriber.undeclare()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _heard(self, sample: zenoh.Sample) -> None:
         process = process_of(str(sample.key_expr))

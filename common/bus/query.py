@@ -7,10 +7,10 @@ import threading
 import time
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
-from types import TracebackType
-from typing import Self
 
 import zenoh
+
+from common.closing import Closing
 
 log = logging.getLogger(__name__)
 
@@ -18,7 +18,7 @@ RETRY_SECONDS = 0.2
 """Pause before a question is asked again that nobody answered."""
 
 
-class QueryServer:
+class QueryServer(Closing):
     """Answers the queries of one key in threads of its own.
 
     Zenoh's receiving threads only put queries into a queue. A query is finished, answered or not, when `answer`
@@ -100,14 +100,6 @@ class QueryServer:
             # An answer may close its own server, for example a command to stop.
             if thread is not threading.current_thread():
                 thread.join()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def ask(

@@ -8,14 +8,14 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import zenoh
 
 from common.bus.keys import Keys, last_part
 from common.bus.query import QueryServer
 from common.bus.seen import SeenSet
+from common.closing import Closing
 from common.errors import MessageError
 from common.messages.experience import Delivery
 from common.messages.replies import Ack
@@ -28,7 +28,7 @@ STORE_FAILED_HOLD = 1.0
 _MAX_SENDERS = 1_000
 
 
-class ExperienceServer:
+class ExperienceServer(Closing):
     """Receives deliveries; each is stored exactly once, before it is acknowledged.
 
     Usage::
@@ -93,14 +93,6 @@ class ExperienceServer:
     def close(self) -> None:
         """Stop receiving; actors keep what is not acknowledged. Safe to call twice."""
         self._server.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _answer(self, query: zenoh.Query) -> None:
         sender = last_part(str(query.key_expr))

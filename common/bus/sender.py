@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from queue import Empty, SimpleQueue
-from types import TracebackType
-from typing import Self
 
 import zenoh
 
 from common.bus.keys import Keys
 from common.bus.query import RETRY_SECONDS
 from common.bus.session import new_incarnation
+from common.closing import Closing
 from common.errors import MessageError
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.messages.replies import Ack
@@ -44,7 +43,7 @@ class _Parcel:
 _Event = tuple[int, int, zenoh.Reply | None]
 
 
-class ExperienceSender:
+class ExperienceSender(Closing):
     """Delivers chunks and reports in order of their sequence, several at a time, each until it is acknowledged.
 
     Messages wait in a bounded buffer while the learner is away. All methods may be called from any thread.
@@ -158,14 +157,6 @@ class ExperienceSender:
         self._thread.join()
         if self._parcels:
             log.warning("closed with %d messages that the learner did not acknowledge", len(self._parcels))
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _work(self) -> None:
         try:

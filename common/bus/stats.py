@@ -6,13 +6,12 @@ import logging
 import threading
 import time
 from collections import OrderedDict
-from types import TracebackType
-from typing import Self
 
 import zenoh
 
 from common.bus.keys import Keys, Role, process_of
 from common.bus.liveness import Process
+from common.closing import Closing
 from common.errors import MessageError
 from common.messages.schema import MAX_SMALL, decode, encode
 from common.messages.stats import ActorStats, LearnerStats
@@ -33,7 +32,7 @@ def publish_stats(session: zenoh.Session, run: str, role: Role, name: str, stats
     )
 
 
-class StatsTable:
+class StatsTable(Closing):
     """The newest statistics of every process.
 
     Usage::
@@ -66,14 +65,6 @@ class StatsTable:
     def close(self) -> None:
         """Stop listening. Safe to call twice."""
         self._subscriber.undeclare()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _heard(self, sample: zenoh.Sample) -> None:
         process = process_of(str(sample.key_expr))

@@ -7,13 +7,12 @@ import threading
 import time
 from collections.abc import Mapping
 from queue import Empty, SimpleQueue
-from types import TracebackType
-from typing import Self
 
 import zenoh
 
 from common.bus.keys import Keys
 from common.bus.query import QueryServer, ask
+from common.closing import Closing
 from common.errors import MessageError
 from common.messages.schema import MAX_WEIGHTS, decode, encode
 from common.messages.weights import Weights, WeightsNotice
@@ -26,7 +25,7 @@ _RETRY_SECONDS = 0.5
 _PULL_TIMEOUT = 10.0
 
 
-class WeightsPublisher:
+class WeightsPublisher(Closing):
     """The learner's side: keeps the newest version for whoever asks, and announces it.
 
     Usage::
@@ -69,16 +68,8 @@ class WeightsPublisher:
         """Stop serving. Safe to call twice."""
         self._server.close()
 
-    def __enter__(self) -> Self:
-        return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-
-class WeightsPuller:
+class WeightsPuller(Closing):
     """Everybody else's side: holds the newest version, pulled at the start, on notice, on a timer, and when a
     learner appears.
 
@@ -156,14 +147,6 @@ class WeightsPuller:
         for subscriber in self._subscribers:
             subscriber.undeclare()
         self._calls.put(None)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _learner_seen(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.PUT:

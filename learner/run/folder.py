@@ -10,6 +10,7 @@ import shutil
 import time
 from pathlib import Path
 
+from common.closing import Closing
 from common.config.load import resolve
 from common.config.schema import RunConfig
 from common.errors import CheckpointError
@@ -20,7 +21,7 @@ FORMAT = 1
 _MARKER = "run.json"
 
 
-class RunFolder:
+class RunFolder(Closing):
     """`<root>/<name>/`, held by one learner at a time.
 
     ========================  ===================================================================
@@ -130,12 +131,6 @@ class RunFolder:
         if self._lock >= 0:
             os.close(self._lock)
             self._lock = -1
-
-    def __enter__(self) -> RunFolder:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 def check_run(path: Path) -> None:

@@ -19,6 +19,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import NamedTuple
 
+from common.closing import Closing
 from common.errors import CheckpointError
 
 logger = logging.getLogger(__name__)
@@ -46,7 +47,7 @@ class Record(NamedTuple):
     payload: bytes
 
 
-class Journal:
+class Journal(Closing):
     """Append-only segments in a folder; one process at a time (the run folder's lock sees to that).
 
     Opening cuts a torn last record off: its writer died before it could acknowledge it.
@@ -175,12 +176,6 @@ class Journal:
             self._descriptor = -1
             self._path(self._segment).unlink(missing_ok=True)
             self.sync()
-
-    def __enter__(self) -> Journal:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _open(self) -> int:
         return os.open(self._path(self._segment), os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
