@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from common.heap import pop, push
 from common.jit import njit
 from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS, ObservationBatch
 
@@ -238,13 +239,13 @@ def _shortest_paths(
     size = 0
     for i in range(nodes):
         if distance[i] < np.inf:
-            size = _push(keys, items, size, distance[i], i)
+            size = push(keys, items, size, distance[i], i)
     done = np.zeros(nodes, dtype=np.bool_)
     order = np.empty(nodes, dtype=np.int64)
     settled = 0
     while size > 0:
         i = items[0]
-        size = _pop(keys, items, size)
+        size = pop(keys, items, size)
         if done[i]:
             continue
         done[i] = True
@@ -259,7 +260,7 @@ def _shortest_paths(
             length = distance[i] + _length(x, y, i, j, slot, target)
             if length < distance[j]:
                 distance[j] = length
-                size = _push(keys, items, size, length, j)
+                size = push(keys, items, size, length, j)
     return order[:settled]
 
 
@@ -269,37 +270,3 @@ def _length(x: NDArray[np.float64], y: NDArray[np.float64], i: int, j: int, slot
     if slot < NEIGHBOUR_COUNT and i != target:
         return _LENGTHS[slot]
     return math.hypot(x[i] - x[j], y[i] - y[j])
-
-
-@njit(cache=True, nogil=True)
-def _push(keys: NDArray[np.float64], items: NDArray[np.int64], size: int, key: float, item: int) -> int:
-    """Add to the binary heap; return its new size."""
-    place = size
-    while place > 0:
-        parent = (place - 1) >> 1
-        if keys[parent] <= key:
-            break
-        keys[place], items[place] = keys[parent], items[parent]
-        place = parent
-    keys[place], items[place] = key, item
-    return size + 1
-
-
-@njit(cache=True, nogil=True)
-def _pop(keys: NDArray[np.float64], items: NDArray[np.int64], size: int) -> int:
-    """Take the smallest away from the binary heap; return its new size."""
-    size -= 1
-    key, item = keys[size], items[size]
-    place = 0
-    while True:
-        child = 2 * place + 1
-        if child >= size:
-            break
-        if child + 1 < size and keys[child + 1] < keys[child]:
-            child += 1
-        if keys[child] >= key:
-            break
-        keys[place], items[place] = keys[child], items[child]
-        place = child
-    keys[place], items[place] = key, item
-    return size

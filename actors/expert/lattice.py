@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
+from common.heap import pop, push
 from common.jit import njit
 from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS, Observation
 
@@ -83,11 +84,11 @@ def shortest_distances(
     for s in range(len(sources)):
         if seeds[s] < best[sources[s]]:
             best[sources[s]] = seeds[s]
-            size = _push(heap_key, heap_node, size, seeds[s], sources[s])
+            size = push(heap_key, heap_node, size, seeds[s], sources[s])
     while size:
         node = heap_node[0]
         key = heap_key[0]
-        size = _pop(heap_key, heap_node, size)
+        size = pop(heap_key, heap_node, size)
         if done[node] or key > best[node]:
             continue
         done[node] = True
@@ -97,45 +98,8 @@ def shortest_distances(
                 candidate = key + lengths[k]
                 if candidate < best[u]:
                     best[u] = candidate
-                    size = _push(heap_key, heap_node, size, candidate, u)
+                    size = push(heap_key, heap_node, size, candidate, u)
     return best.astype(np.float32)
-
-
-@njit(cache=True, nogil=True)
-def _push(keys: NDArray[np.float64], nodes: NDArray[np.int64], size: int, key: float, node: int) -> int:
-    child = size
-    while child > 0:
-        parent = (child - 1) >> 1
-        if keys[parent] <= key:
-            break
-        keys[child] = keys[parent]
-        nodes[child] = nodes[parent]
-        child = parent
-    keys[child] = key
-    nodes[child] = node
-    return size + 1
-
-
-@njit(cache=True, nogil=True)
-def _pop(keys: NDArray[np.float64], nodes: NDArray[np.int64], size: int) -> int:
-    size -= 1
-    key = keys[size]
-    node = nodes[size]
-    parent = 0
-    while True:
-        child = 2 * parent + 1
-        if child >= size:
-            break
-        if child + 1 < size and keys[child + 1] < keys[child]:
-            child += 1
-        if keys[child] >= key:
-            break
-        keys[parent] = keys[child]
-        nodes[parent] = nodes[child]
-        parent = child
-    keys[parent] = key
-    nodes[parent] = node
-    return size
 
 
 @njit(cache=True, nogil=True)

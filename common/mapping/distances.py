@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from common.heap import pop, push
 from common.jit import njit
 from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS
 
@@ -12,40 +13,6 @@ from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS
 OFFSET_LENGTHS: NDArray[np.float64] = np.hypot(
     NEIGHBOUR_OFFSETS[:, 0].astype(np.float64), NEIGHBOUR_OFFSETS[:, 1].astype(np.float64)
 )
-
-
-@njit(cache=True, nogil=True)
-def _push(heap_keys: NDArray[np.float64], heap: NDArray[np.int32], size: int, key: float, node: int) -> None:
-    while size:
-        parent = (size - 1) >> 1
-        if heap_keys[parent] <= key:
-            break
-        heap_keys[size] = heap_keys[parent]
-        heap[size] = heap[parent]
-        size = parent
-    heap_keys[size] = key
-    heap[size] = node
-
-
-@njit(cache=True, nogil=True)
-def _drop_first(heap_keys: NDArray[np.float64], heap: NDArray[np.int32], size: int) -> None:
-    """Remove the smallest of `size` entries: the last one sinks from the root."""
-    size -= 1
-    key, node = heap_keys[size], heap[size]
-    hole = 0
-    while True:
-        child = 2 * hole + 1
-        if child >= size:
-            break
-        if child + 1 < size and heap_keys[child + 1] < heap_keys[child]:
-            child += 1
-        if heap_keys[child] >= key:
-            break
-        heap_keys[hole] = heap_keys[child]
-        heap[hole] = heap[child]
-        hole = child
-    heap_keys[hole] = key
-    heap[hole] = node
 
 
 @njit(cache=True, nogil=True)
@@ -86,8 +53,7 @@ def shortest_paths(
     size = 1
     while size:
         node = heap[0]
-        _drop_first(heap_keys, heap, size)
-        size -= 1
+        size = pop(heap_keys, heap, size)
         if done[node]:
             continue
         done[node] = True
@@ -100,6 +66,5 @@ def shortest_paths(
                 if distance < distances[there]:
                     distances[there] = distance
                     before[there] = node
-                    _push(heap_keys, heap, size, distance, there)
-                    size += 1
+                    size = push(heap_keys, heap, size, distance, there)
     return distances, before
