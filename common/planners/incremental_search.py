@@ -119,15 +119,15 @@ def _best_successor(
 ) -> tuple[int, int]:
     """Return min over successors s' of c(s, s') + g(s'), and the successor, -1 for the goal itself."""
     columns = edges.shape[1]
-    best, successor, longest = goal_units[node], -1, 0
+    best, successor, edge = goal_units[node], -1, 0
     mask = edges[node // columns, node % columns]
     for k in range(NEIGHBOUR_COUNT):
         if (mask >> np.uint32(k)) & np.uint32(1):
             there = node + offsets[k, 1] * columns + offsets[k, 0]
             total = costs[k] + cost[there, 0]
-            # Of equally good ways the one with the longer edge takes fewer decisions.
-            if total < best or (total == best and successor >= 0 and costs[k] > longest):
-                best, successor, longest = total, there, costs[k]
+            # Of equally good ways the robot sees more on the one with the shorter edge.
+            if total < best or (total == best and successor >= 0 and costs[k] < edge):
+                best, successor, edge = total, there, costs[k]
     return min(best, NO_WAY), successor
 
 

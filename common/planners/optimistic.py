@@ -61,6 +61,13 @@ def _update_edges(
                     edges[to_j, to_i] &= ~back
 
 
+def join(a: Box | None, b: Box) -> Box:
+    """Return the box around two boxes."""
+    if a is None:
+        return b
+    return min(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), max(a[3], b[3])
+
+
 class OptimisticGrid:
     """Two copies of the belief's cells on a rectangle that reaches beyond it: as they are, and unknown as free.
 
@@ -81,6 +88,8 @@ class OptimisticGrid:
         self.resolution = 1.0
         self.known = self.possible = np.empty((0, 0), dtype=np.int8)
         self.resized = False
+        self._doubtful: list[tuple[Position, bool]] = []
+        self._pending: Box | None = None
 
     def update(self, belief: Belief, *places: Position) -> Box | None:
         """Copy what the belief says now, on a rectangle that holds all of its grid and the places, metres.
@@ -91,18 +100,39 @@ class OptimisticGrid:
         """
         self.resized = self._fit(belief, places)
         known = belief.window(self.origin, self.known.shape)
+        box, self._pending = self._pending, None
         if self.resized:
             box = (0, known.shape[0] - 1, 0, known.shape[1] - 1)
         else:
             different = known != self.known
             rows = np.flatnonzero(different.any(axis=1))
-            if not len(rows):
-                return None
-            columns = np.flatnonzero(different[rows[0] : rows[-1] + 1].any(axis=0))
-            box = (int(rows[0]), int(rows[-1]), int(columns[0]), int(columns[-1]))
+            if len(rows):
+                columns = np.flatnonzero(different[rows[0] : rows[-1] + 1].any(axis=0))
+                box = join(box, (int(rows[0]), int(rows[-1]), int(columns[0]), int(columns[-1])))
+        if box is None:
+            return None
         self.known = known
         self.possible = np.where(known == OCCUPIED, np.int8(OCCUPIED), np.int8(FREE))
+        for position, always in self._doubtful:
+            row, column = self.cell(position)
+            if always or known[row, column] != FREE:
+                self.possible[row, column] = OCCUPIED
         return box
+
+    def doubt(self, position: Position, *, always: bool = False) -> None:
+        """Take the cell at a position for an obstacle from the next update on, until it is known to be free.
+
+        For cells that a scan from nearby left unknown: the robot may not drive there, so hoping is no use. With
+        `always`, for cells that the robot cannot get to, whatever the belief says.
+        """
+        row, column = self.cell(position)
+        self._doubtful.append((position, always))
+        self._pending = join(self._pending, (row, row, column, column))
+
+    def cell(self, position: Position) -> tuple[int, int]:
+        """Return the (row, column) that holds a position."""
+        x, y = self.subcells(position)
+        return y >> SUBCELL_BITS, x >> SUBCELL_BITS
 
     def subcells(self, position: Position) -> tuple[int, int]:
         """Return a position in subcells from the lower left corner of the copies."""
@@ -203,9 +233,9 @@ class OptimisticLattice:
         j, i = self._numbers(viewpoint)
         if scanned and not self._scanned[j, i]:
             self._scanned[j, i] = True
-            box = _join(box, self._around(j, i))
+            box = join(box, self._around(j, i))
         for j_marked, i_marked in self._marks:
-            box = _join(box, self._around(j_marked, i_marked))
+            box = join(box, self._around(j_marked, i_marked))
         self._marks = []
         if box is not None:
             self._refresh(box)
@@ -298,9 +328,3 @@ class OptimisticLattice:
         reach = 2 * ceil(self._spacing / self.grid.resolution)
         row, column = int(self._y[j]) >> SUBCELL_BITS, int(self._x[i]) >> SUBCELL_BITS
         return row - reach, row + reach, column - reach, column + reach
-
-
-def _join(a: Box | None, b: Box) -> Box:
-    if a is None:
-        return b
-    return min(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), max(a[3], b[3])

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -69,7 +71,7 @@ class Lattice:
         goal_units = np.full(self.shape, NO_WAY, dtype=np.int64)
         goal_units[down : down + rows, left : left + columns] = old[1]
         self.goal_units = goal_units.reshape(-1)
-        self.goal = self.goal + [left, down]
+        self.goal = self.goal + np.array([left, down])
         self.straight = np.hypot(
             np.arange(self.shape[1])[None, :] - self.goal[0], np.arange(self.shape[0])[:, None] - self.goal[1]
         ).reshape(-1)
@@ -85,7 +87,7 @@ def length_of(lattice: Lattice, path: list[int]) -> int:
     """Walk a path, each edge of which must be there."""
     total = 0
     columns = lattice.shape[1]
-    for a, b in zip(path, path[1:], strict=False):
+    for a, b in itertools.pairwise(path):
         step = [b % columns - a % columns, b // columns - a // columns]
         k = NEIGHBOUR_OFFSETS.tolist().index(step)
         assert lattice.edges[a // columns, a % columns] >> k & 1
@@ -184,9 +186,9 @@ def test_repairing_expands_fewer_vertices_than_searching_anew() -> None:
         # What a robot learns lies around it.
         j, i = divmod(start, 40)
         for a, b, k in lattice.all_edges():
-            if abs(a - j) <= 3 and abs(b - i) <= 3 and a < 38 and lattice.edges[a, b] >> k & 1:
-                if lattice.random.random() < 0.05:
-                    lattice.toggle(a, b, k)
+            near = abs(a - j) <= 3 and abs(b - i) <= 3 and a < 38
+            if near and lattice.edges[a, b] >> k & 1 and lattice.random.random() < 0.05:
+                lattice.toggle(a, b, k)
         before = search.expanded
         path = check(lattice, search, start)
         repaired += search.expanded - before
