@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.belief import Belief
-from common.mapping.raycast import SUBCELL_BITS, SUBCELLS, ray_axis
+from common.mapping.mapper import Mapper
+from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 from common.mapping.sight import CLEAR, FREE, OCCUPIED, OUTSIDE, blocker
+
+# Rays that measure the unknown area around a point.
+GAIN_RAYS: Final = 90
 
 
 def subcells(belief: Belief, positions: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return positions, metres, shape (n, 2), in subcells of the padded grid (see `common.mapping.sight`)."""
     cells = (positions - np.array(belief.origin)) / belief.resolution + 1.0
     return np.rint(cells * SUBCELLS).astype(np.int64)
+
+
+def metres(belief: Belief, points: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return points in subcells of the padded grid, shape (n, 2), in metres: the reverse of `subcells`."""
+    return (points / SUBCELLS - 1.0) * belief.resolution + np.array(belief.origin)
 
 
 @njit(cache=True, nogil=True)
@@ -47,7 +58,7 @@ def observed(
         reach: metres.
 
     Returns:
-        bool, shape (n, m); its rows sum up to the utility where `reach` is the observable range.
+        bool, shape (n, m); for the frontiers of a mapper and its observable range, its rows sum up to the utility.
     """
     padded = belief.padded
     return _observed(
@@ -59,54 +70,84 @@ def observed(
     )
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _axis(start: float, direction: float) -> tuple[int, float, float]:
+    """Return step, distance to the first border and between borders of cells along one axis of a ray, in cells."""
+    if direction > 0.0:
+        return 1, (np.floor(start) + 1.0 - start) / direction, 1.0 / direction
+    if direction < 0.0:
+        return -1, (np.floor(start) - start) / direction, -1.0 / direction
+    return 0, np.inf, np.inf
+
+
 @njit(cache=True, nogil=True)
-def unknown_in_sight(
+def _unknown_in_sight(
     cells: NDArray[np.int8],
     width: int,
-    x: int,
-    y: int,
+    entrances: NDArray[np.bool_],
+    points: NDArray[np.int64],
     reach: float,
-    cosines: NDArray[np.float64],
-    sines: NDArray[np.float64],
-) -> float:
-    """Return the unknown area that rays from a point meet before the first known wall.
+    angles: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    areas = np.zeros(len(points))
+    cosines, sines = np.cos(angles), np.sin(angles)
+    for p in range(len(points)):
+        x, y = points[p, 0], points[p, 1]
+        start_x, start_y = x / SUBCELLS, y / SUBCELLS
+        first = (y >> SUBCELL_BITS) * width + (x >> SUBCELL_BITS)
+        for ray in range(len(angles)):
+            step_x, next_x, delta_x = _axis(start_x, cosines[ray])
+            step_y, next_y, delta_y = _axis(start_y, sines[ray])
+            step_y *= width
+            index = first
+            entered = 0.0
+            while entered < reach:
+                value = cells[index]
+                if value in (OCCUPIED, OUTSIDE):
+                    break
+                leaves = min(next_x, next_y, reach)
+                if value != FREE:
+                    areas[p] += leaves * leaves - entered * entered
+                before = index
+                if next_x < next_y:
+                    entered = next_x
+                    index += step_x
+                    next_x += delta_x
+                else:
+                    entered = next_y
+                    index += step_y
+                    next_y += delta_y
+                if value == FREE and cells[index] < 0 and not entrances[before]:
+                    break
+    return areas * np.pi / len(angles)
 
-    Unknown cells hide nothing: a ray goes on through them, as in the volumetric gain of Bircher et al. (2016).
+
+def unknown_in_sight(
+    mapper: Mapper, points: NDArray[np.float64], reach: float, rays: int = GAIN_RAYS
+) -> NDArray[np.float64]:
+    """Return the unknown area that a sensor at each point would meet before the first known wall, square metres.
+
+    Unknown cells hide nothing: a ray goes on through them, as in the volumetric gain of Bircher et al. (2016). It must
+    enter them over a frontier, however: a single cell of a wall that no beam happened to hit is no window.
 
     Args:
-        cells: padded grid, flat, int8.
-        width: its cells per row.
-        x: of the sensor, subcells, in a free cell.
-        y: likewise.
-        reach: range of the sensor, cells.
-        cosines: of the rays' directions, evenly spread over the circle, shape (rays,).
-        sines: likewise.
-
-    Returns:
-        Area in cells: each stretch of a ray stands for its sector of the ring.
+        mapper: updated.
+        points: metres, in free cells, shape (n, 2).
+        reach: range of the sensor, metres.
+        rays: evenly spread over the circle; each stands for its sector.
     """
-    start_x, start_y = x / SUBCELLS, y / SUBCELLS
-    first = (y >> SUBCELL_BITS) * width + (x >> SUBCELL_BITS)
-    area = 0.0
-    for ray in range(len(cosines)):
-        step_x, next_x, delta_x = ray_axis(start_x, cosines[ray])
-        step_y, next_y, delta_y = ray_axis(start_y, sines[ray])
-        step_y *= width
-        index = first
-        entered = 0.0
-        while entered < reach:
-            value = cells[index]
-            if value in (OCCUPIED, OUTSIDE):
-                break
-            leaves = min(next_x, next_y, reach)
-            if value != FREE:
-                area += leaves * leaves - entered * entered
-            if next_x < next_y:
-                entered = next_x
-                index += step_x
-                next_x += delta_x
-            else:
-                entered = next_y
-                index += step_y
-                next_y += delta_y
-    return area * np.pi / len(cosines)
+    belief = mapper.belief
+    padded = belief.padded
+    entrances = np.zeros(padded.shape, dtype=np.bool_)
+    columns, rows = (subcells(belief, mapper.frontiers) >> SUBCELL_BITS).T
+    entrances[rows, columns] = True
+    angles = (np.arange(rays, dtype=np.float64) + 0.5) * (2.0 * np.pi / rays)
+    areas = _unknown_in_sight(
+        padded.reshape(-1),
+        padded.shape[1],
+        entrances.reshape(-1),
+        subcells(belief, points),
+        reach / belief.resolution,
+        angles,
+    )
+    return areas * belief.resolution**2

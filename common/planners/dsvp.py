@@ -1,0 +1,240 @@
+"""Dual-stage viewpoint planning: explore around the robot while something is left there, relocate when nothing is."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from common.config.schema import MappingConfig
+from common.errors import ConfigError
+from common.geometry import Pose
+from common.mapping.mapper import Mapper
+from common.planners.base import Plan, Position, Status, TaskName
+from common.planners.lattice import LONGEST_EDGE, check_task
+from common.planners.roadmap import Roadmap, trace
+from common.planners.rrt import Tree, free_box
+from common.planners.visibility import unknown_in_sight
+
+# Least distance between places of the roadmaps, spacings.
+LOCAL_SPREAD: Final = 0.5
+GLOBAL_SPREAD: Final = 0.75
+# A new place next to the robot sees nothing that the robot does not see, spacings.
+BLIND: Final = 0.5
+# Share of the samples that are drawn around the frontiers ahead, and how many of those there are.
+FRONTIER_SHARE: Final = 0.25
+FRONTIERS_AHEAD: Final = 3
+# Places are extended by at most this much less than the longest waypoint, so that rounding cannot make one too far.
+MARGIN: Final = 1.0 - 1e-5
+
+
+@njit(cache=True, nogil=True)
+def _detour(way: NDArray[np.float64], direction: NDArray[np.float64]) -> float:
+    """Return the mean dynamic-time-warping distance, metres, between a way and a straight one of as many points."""
+    count = len(way)
+    length = 0.0
+    for k in range(1, count):
+        length += np.hypot(way[k, 0] - way[k - 1, 0], way[k, 1] - way[k - 1, 1])
+    stride = length / max(count - 1, 1)
+    cost = np.full((count + 1, count + 1), np.inf)
+    cost[0, 0] = 0.0
+    for i in range(count):
+        for j in range(count):
+            x = way[0, 0] + direction[0] * stride * j
+            y = way[0, 1] + direction[1] * stride * j
+            gap = np.hypot(way[i, 0] - x, way[i, 1] - y)
+            cost[i + 1, j + 1] = gap + min(cost[i, j + 1], cost[i + 1, j], cost[i, j])
+    return cost[count, count] / count
+
+
+class DsvpPlanner:
+    """Explore with a random roadmap inside a local horizon; relocate over a global roadmap when it finds nothing.
+
+    H. Zhu, C. Cao, Y. Xia, S. Scherer, J. Zhang, W. Wang: "DSVP: Dual-Stage Viewpoint Planner for Rapid Exploration by
+    Dynamic Expansion", IEEE/RSJ International Conference on Intelligent Robots and Systems (IROS), 2021.
+
+    As published: inside a square horizon around the robot a random tree is expanded dynamically: what is left of it
+    from the last decision is pruned to the new horizon and extended, with a part of the samples drawn around the local
+    frontiers nearest to the direction of exploration; a place gains the unknown volume that it sees, falling with the
+    length of the way; a branch gains the sum over its places, falling with its dynamic-time-warping distance from the
+    direction of exploration; the best branch is followed, and sets the direction. The ways to all places with a gain
+    join a global graph. When nothing in the horizon gains, the robot relocates: over the global graph to the nearest
+    place that still sees the unknown; when no place does, the graph is extended once over all known space before the
+    exploration is declared complete.
+
+    Otherwise: the volume is an area, because the world is planar (see `unknown_in_sight`); both factors are
+    exponentials of lengths in metres, as in the publication's text, where its released code divides by them; and the
+    terrain analysis is left out, because walls are all there is.
+    """
+
+    name = "dsvp"
+    tasks: frozenset[TaskName] = frozenset({"exploration"})
+
+    def __init__(
+        self,
+        config: MappingConfig,
+        *,
+        horizon: float = 24.0,
+        samples: int = 200,
+        nodes: int = 120,
+        decay: float = 0.1,
+        turning: float = 0.05,
+        min_gain: float = 2.0,
+    ) -> None:
+        """Set up.
+
+        Args:
+            config: the mapping that the planner will be given.
+            horizon: half the side of the local square, metres.
+            samples: drawn for each decision.
+            nodes: of the local roadmap at most.
+            decay: how the gain of a place falls with the way to it, per metre.
+            turning: how the gain of a branch falls with its distance from the direction of exploration, per metre.
+            min_gain: a place that sees less unknown area than this sees nothing, square metres.
+
+        Raises:
+            ConfigError: a setting is out of range.
+        """
+        if not (horizon > 0.0 and samples >= 1 and nodes >= 2 and min(decay, turning, min_gain) >= 0.0):
+            raise ConfigError(
+                "planner 'dsvp' expects horizon > 0, samples >= 1, nodes >= 2, decay, turning and min_gain >= 0, got "
+                f"{horizon}, {samples}, {nodes}, {decay}, {turning} and {min_gain}"
+            )
+        self._config = config
+        self._horizon = horizon
+        self._samples = samples
+        self._nodes = nodes
+        self._decay = decay
+        self._turning = turning
+        self._min_gain = min_gain
+        self._reach = LONGEST_EDGE * config.viewpoint_spacing * MARGIN
+        self.reset("exploration", None, 0)
+
+    def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
+        """Begin an episode: forget everything; equal seeds give equal episodes.
+
+        Raises:
+            ConfigError: the task is not exploration.
+        """
+        check_task(self.name, self.tasks, task)
+        del target
+        self._random = np.random.default_rng(seed)
+        self._local = Roadmap(self._reach)
+        self._global = Roadmap(self._reach)
+        self._direction: NDArray[np.float64] | None = None
+        self._relocating = False
+
+    @property
+    def relocating(self) -> bool:
+        """Whether the last decision was one of the relocation stage."""
+        return self._relocating
+
+    def plan(self, mapper: Mapper, pose: Pose) -> Plan:
+        """Decide; the mapper has taken in the newest scan and was updated at this pose."""
+        box = free_box(mapper.belief)
+        if box is None or not mapper.segment_free(pose.position, pose.position):
+            return Plan(Status.STUCK, reason="the robot does not stand in a cell that is known to be free")
+        self._grow(mapper, pose, *box)
+        plan = self._explore(mapper)
+        self._relocating = plan is None
+        return plan if plan is not None else self._relocate(mapper, pose, *box)
+
+    def _grow(self, mapper: Mapper, pose: Pose, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
+        """Prune the local roadmap to the horizon around the robot and extend it; the robot is its place 0."""
+        belief, spacing = mapper.belief, self._config.viewpoint_spacing
+        here = np.array(pose.position)
+        rest = self._local.points
+        rest = rest[(np.abs(rest - here) <= self._horizon).all(axis=1)]
+        rest = rest[np.hypot(*(rest - here).T) >= LOCAL_SPREAD * spacing]
+        self._local = Roadmap(self._reach)
+        self._local.add(belief, np.vstack([here, rest]))
+        self._local.keep(np.flatnonzero(np.isfinite(self._local.shortest(0)[0])))
+        low, high = np.maximum(low, here - self._horizon), np.minimum(high, here + self._horizon)
+        samples = low + self._random.random((self._samples, 2)) * (high - low)
+        ahead = self._frontiers_ahead(mapper, here)
+        if len(ahead):
+            biased = self._random.random(self._samples) < FRONTIER_SHARE
+            around = ahead[self._random.integers(len(ahead), size=self._samples)]
+            around = around + self._random.uniform(-1.0, 1.0, (self._samples, 2)) * self._config.sensor_range / 2
+            samples[biased] = np.clip(around, low, high)[biased]
+        tree = Tree(pose.position)
+        tree.graft(self._local.points[1:])
+        first = len(tree.points)
+        tree.extend(belief, samples, capacity=self._nodes, step=self._reach, spread=LOCAL_SPREAD * spacing)
+        self._local.add(belief, tree.points[first:])
+
+    def _frontiers_ahead(self, mapper: Mapper, here: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the frontier cells of the horizon that are nearest to the direction of exploration, metres."""
+        frontiers = mapper.frontiers
+        away = frontiers - here
+        frontiers = frontiers[(np.abs(away) <= self._horizon).all(axis=1)]
+        if self._direction is None or len(frontiers) <= FRONTIERS_AHEAD:
+            return frontiers
+        away = frontiers - here
+        cosine = away @ self._direction / np.maximum(np.hypot(*away.T), 1e-9)
+        return frontiers[np.argsort(-cosine, kind="stable")[:FRONTIERS_AHEAD]]
+
+    def _gains(self, mapper: Mapper, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        areas = unknown_in_sight(mapper, points, self._config.sensor_range)
+        areas[areas < self._min_gain] = 0.0
+        return areas
+
+    def _explore(self, mapper: Mapper) -> Plan | None:
+        """Return the first edge of the best branch of the local roadmap; None when nothing gains."""
+        roadmap = self._local
+        here = roadmap.points[0]
+        distances, before = roadmap.shortest(0)
+        gains = self._gains(mapper, roadmap.points) * np.exp(-self._decay * distances)
+        gains[np.hypot(*(roadmap.points - here).T) < BLIND * self._config.viewpoint_spacing] = 0.0
+        useful = np.flatnonzero(gains > 0.0)
+        ways = {int(node): trace(before, int(node)) for node in useful}
+        known = [0, *dict.fromkeys(k for way in ways.values() for k in way[1:])]
+        self._global.add_sparsely(mapper.belief, roadmap.points[known], GLOBAL_SPREAD * self._config.viewpoint_spacing)
+        best, most = -1, 0.0
+        for node, way in ways.items():
+            worth = float(gains[way].sum())
+            if self._direction is not None:
+                worth *= float(np.exp(-self._turning * _detour(roadmap.points[way], self._direction)))
+            if worth > most:
+                best, most = node, worth
+        if best < 0:
+            return None
+        route = [(float(x), float(y)) for x, y in roadmap.points[ways[best][1:]]]
+        self._set_direction(here, route[-1])
+        return Plan(Status.GOING, waypoint=route[0], beacon=route[-1], path=route[1:])
+
+    def _relocate(self, mapper: Mapper, pose: Pose, low: NDArray[np.float64], high: NDArray[np.float64]) -> Plan:
+        """Return the first edge towards the nearest place of the global roadmap that sees the unknown."""
+        belief, spacing = mapper.belief, self._config.viewpoint_spacing
+        here = np.array(pose.position)
+        self._global.recheck(belief)
+        for extended in (False, True):
+            if extended:
+                tree = Tree(pose.position)
+                tree.graft(self._global.points)
+                first = len(tree.points)
+                samples = low + self._random.random((10 * self._samples, 2)) * (high - low)
+                capacity = first + 2 * self._nodes
+                tree.extend(belief, samples, capacity=capacity, step=self._reach, spread=LOCAL_SPREAD * spacing)
+                self._global.add(belief, tree.points[first:])
+            roadmap = Roadmap(self._reach)
+            roadmap.points, roadmap.lengths = self._global.points, self._global.lengths
+            roadmap.add(belief, here[None])
+            robot = len(roadmap) - 1
+            distances, before = roadmap.shortest(robot)
+            sees = self._gains(mapper, roadmap.points) > 0.0
+            sees &= np.isfinite(distances) & (distances >= BLIND * spacing)
+            if sees.any():
+                goal = int(np.argmin(np.where(sees, distances, np.inf)))
+                route = [(float(x), float(y)) for x, y in roadmap.points[trace(before, goal)[1:]]]
+                self._set_direction(here, route[0])
+                return Plan(Status.GOING, waypoint=route[0], beacon=route[-1], path=route[1:])
+        if len(self._global) < 2 and len(self._local) < 2:
+            return Plan(Status.STUCK, reason="no free way leads out of the robot's place")
+        return Plan(Status.COMPLETE, reason=f"no place of {len(roadmap)} sees {self._min_gain:g} m2 of unknown area")
+
+    def _set_direction(self, here: NDArray[np.float64], to: Position) -> None:
+        away = np.array(to) - here
+        self._direction = away / max(float(np.hypot(*away)), 1e-9)

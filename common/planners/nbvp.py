@@ -1,0 +1,143 @@
+"""Receding-horizon next-best-view planning: a random tree, the branch that sees most, its first edge."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from common.config.schema import MappingConfig
+from common.errors import ConfigError
+from common.geometry import Pose
+from common.mapping.mapper import Mapper
+from common.planners.base import Plan, Position, Status, TaskName
+from common.planners.lattice import LONGEST_EDGE, TOLERANCE, check_task
+from common.planners.rrt import Tree, free_box
+from common.planners.visibility import unknown_in_sight
+
+# Least distance between nodes of the tree, spacings: nodes on top of each other see the same.
+SPREAD: Final = 0.25
+# Samples that are drawn at once.
+BATCH: Final = 500
+
+
+class NbvpPlanner:
+    """Grow a random tree in known free space and execute the first edge of its best branch.
+
+    A. Bircher, M. Kamel, K. Alexis, H. Oleynikova, R. Siegwart: "Receding Horizon 'Next-Best-View' Planner for 3D
+    Exploration", IEEE International Conference on Robotics and Automation (ICRA), 2016.
+
+    As published (algorithm 1): an RRT from the robot's place; the gain of a node is that of its parent plus the unknown
+    volume visible from it, times exp(-lambda c), c the length of the way to it; the tree starts with what is left of
+    the last best branch; it grows to `nodes`, and on to `most_nodes` while no branch has a gain; then it is over.
+
+    Otherwise: the volume is an area, measured along rays, because the world is planar; yaw is not sampled, because the
+    sensor sees all around; a ray enters the unknown only over a frontier (see `unknown_in_sight`), so that gaps between
+    beams on a wall are no gain; nodes keep a little distance from each other, because equal places have equal views;
+    lambda and the longest edge fit a sensor of 20 m instead of 5 m. Left out: inspection of surfaces (a later variant).
+    """
+
+    name = "nbvp"
+    tasks: frozenset[TaskName] = frozenset({"exploration"})
+
+    def __init__(
+        self,
+        config: MappingConfig,
+        *,
+        nodes: int = 200,
+        most_nodes: int = 2000,
+        decay: float = 0.1,
+        min_gain: float = 2.0,
+    ) -> None:
+        """Set up.
+
+        Args:
+            config: the mapping that the planner will be given.
+            nodes: N_max, nodes of a tree that has found a gain.
+            most_nodes: N_TOL, nodes at most while there is none.
+            decay: lambda, per metre.
+            min_gain: g_zero: a node that sees less unknown area than this sees nothing, square metres.
+
+        Raises:
+            ConfigError: a setting is out of range.
+        """
+        if not (2 <= nodes <= most_nodes and decay >= 0.0 and min_gain >= 0.0):
+            raise ConfigError(
+                f"planner 'nbvp' expects 2 <= nodes <= most_nodes, decay >= 0 and min_gain >= 0, got nodes {nodes}, "
+                f"most_nodes {most_nodes}, decay {decay}, min_gain {min_gain}"
+            )
+        self._config = config
+        self._nodes = nodes
+        self._most_nodes = most_nodes
+        self._decay = decay
+        self._min_gain = min_gain
+        self.reset("exploration", None, 0)
+
+    def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
+        """Begin an episode: forget everything; equal seeds give equal episodes.
+
+        Raises:
+            ConfigError: the task is not exploration.
+        """
+        check_task(self.name, self.tasks, task)
+        del target
+        self._random = np.random.default_rng(seed)
+        self._branch: list[Position] = []
+
+    def plan(self, mapper: Mapper, pose: Pose) -> Plan:
+        """Decide; the mapper has taken in the newest scan and was updated at this pose."""
+        box = free_box(mapper.belief)
+        if box is None or not mapper.segment_free(pose.position, pose.position):
+            return Plan(Status.STUCK, reason="the robot does not stand in a cell that is known to be free")
+        tree = self._replant(mapper, pose)
+        spacing = self._config.viewpoint_spacing
+        gains = np.zeros(1)
+        # A wall of unlucky samples must end, too.
+        for _ in range(2 * self._most_nodes // BATCH + 2):
+            capacity = self._nodes if len(tree.points) < self._nodes else self._most_nodes
+            samples = box[0] + self._random.random((BATCH, 2)) * (box[1] - box[0])
+            tree.extend(mapper.belief, samples, capacity=capacity, step=LONGEST_EDGE * spacing, spread=SPREAD * spacing)
+            if len(tree.points) < capacity and capacity == self._nodes:
+                continue
+            gains = self._gains(mapper, tree, gains)
+            if gains.max() > 0.0 or len(tree.points) >= self._most_nodes:
+                break
+        gains = self._gains(mapper, tree, gains)
+        if len(tree.points) == 1:
+            return Plan(Status.STUCK, reason="no free way leads out of the robot's place")
+        best = int(np.argmax(gains))
+        if gains[best] <= 0.0:
+            self._branch = []
+            return Plan(
+                Status.COMPLETE, reason=f"no node of {len(tree.points)} sees {self._min_gain:g} m2 of unknown area"
+            )
+        self._branch = [(float(x), float(y)) for x, y in tree.points[tree.branch(best)]]
+        return Plan(Status.GOING, waypoint=self._branch[0], beacon=self._branch[-1], path=self._branch[1:])
+
+    def _replant(self, mapper: Mapper, pose: Pose) -> Tree:
+        """Return a tree at the robot's place with what is left of the last best branch."""
+        tree = Tree(pose.position)
+        rest = self._branch
+        if rest and pose.distance_to(rest[0]) <= TOLERANCE + SPREAD * self._config.viewpoint_spacing:
+            rest = rest[1:]
+        reach = LONGEST_EDGE * self._config.viewpoint_spacing + TOLERANCE
+        node = 0
+        for point in rest:
+            last = (float(tree.points[node][0]), float(tree.points[node][1]))
+            if np.hypot(point[0] - last[0], point[1] - last[1]) > reach or not mapper.segment_free(last, point):
+                break
+            node = tree.append(point, node)
+        return tree
+
+    def _gains(self, mapper: Mapper, tree: Tree, known: np.ndarray) -> np.ndarray:
+        """Return the gain of each node's branch; those of the first nodes are known, the root's is 0."""
+        first = len(known)
+        if first == len(tree.points):
+            return known
+        areas = unknown_in_sight(mapper, tree.points[first:], self._config.sensor_range)
+        areas[areas < self._min_gain] = 0.0
+        worth = areas * np.exp(-self._decay * tree.depths[first:])
+        gains = np.append(known, worth)
+        for node in range(first, len(gains)):
+            gains[node] += gains[tree.parents[node]]
+        return gains
