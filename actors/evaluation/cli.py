@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+import time
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -17,6 +18,9 @@ from actors.evaluation.results import ResultsError, collect_results, read_result
 from common.cli import EXIT_ERROR, command_errors
 from common.errors import ConfigError
 from common.logs import setup_logging
+
+# Seconds between two lines about progress where there is no terminal for bars.
+LINE_SECONDS = 30.0
 
 app = typer.Typer(
     name="hd-eval",
@@ -80,7 +84,11 @@ class PlotKind(StrEnum):
 def run(
     planner: Annotated[
         list[str],
-        typer.Option("--planner", metavar="NAME[,NAME...]", help="Planners, and the reference `omniscient`."),
+        typer.Option(
+            "--planner",
+            metavar="NAME[,NAME...]",
+            help="Planners (see hd-eval planners), `omniscient`, or MODULE:CLASS.",
+        ),
     ],
     maps: Maps,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results; made when missing.")],
@@ -94,7 +102,8 @@ def run(
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Processes; 0 for one per core.")] = 0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of planners and simulator.")] = 0,
     time_limit: Annotated[
-        float, typer.Option("--time-limit", min=0.001, metavar="SECONDS", help="A slower decision fails the episode.")
+        float,
+        typer.Option("--time-limit", min=0.001, metavar="SECONDS", help="Processor time; a slower decision fails."),
     ] = 10.0,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Begin anew instead of going on.")] = False,
     config: ConfigFile = None,
@@ -138,8 +147,15 @@ def run(
             for name in dict.fromkeys(names)
         }
 
+        said = time.monotonic()
+
         def watch(finished: Finished) -> None:
+            nonlocal said
             bars.advance(rows[finished.job.planner])
+            if not console.is_terminal and time.monotonic() - said > LINE_SECONDS:
+                said = time.monotonic()
+                counts = ", ".join(f"{task.description} {task.completed:.0f}" for task in bars.tasks)
+                console.print(f"{counts} of {evaluation.worlds} episodes", highlight=False)
 
         evaluation.run(jobs, watch)
     crashes = evaluation.crashes()

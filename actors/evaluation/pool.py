@@ -23,6 +23,8 @@ log = logging.getLogger(__name__)
 
 POLL_SECONDS = 0.2
 STOP_SECONDS = 2.0
+# A planner's first decisions in a worker compile its kernels, which takes a minute or two on a fresh install.
+WARM_UP_SECONDS = 600.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +40,14 @@ class Job:
     number: int
 
 
+def patience(time_limit: float) -> float:
+    """Return the seconds after which a decision counts as endless.
+
+    Far above the limit, which a worker checks itself in processor time: another load of the machine must not decide.
+    """
+    return 10.0 * time_limit + 10.0
+
+
 class _Worker:
     """One process, its present job, and how far that has come."""
 
@@ -47,8 +57,9 @@ class _Worker:
         self.ready = False
         self.job: Job | None = None
         self.places: list[Place] = []
-        self.deciding_since: float | None = None
+        self.due: float | None = None
         self.killed_for = ""
+        self._patience = patience(settings.time_limit)
         self._events = events
         self.process = subprocess.Popen(
             [sys.executable, "-m", "actors.evaluation.worker", settings.model_dump_json()],
@@ -56,12 +67,14 @@ class _Worker:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
+            # Ctrl-C is for this process alone, which then stops its workers.
+            start_new_session=True,
         )
         threading.Thread(target=self._listen, daemon=True).start()
 
     def give(self, job: Job) -> None:
         """Hand out a job."""
-        self.job, self.places, self.deciding_since = job, [], None
+        self.job, self.places, self.due = job, [], None
         assert self.process.stdin is not None
         try:
             self.process.stdin.write(json.dumps({"planner": job.planner, "number": job.number}) + "\n")
@@ -72,7 +85,8 @@ class _Worker:
 
     def note(self, event: str, value: Any) -> None:
         """Take in an event of the present job."""
-        self.deciding_since = time.monotonic() if event == "decide" else None
+        seconds = {"warm": WARM_UP_SECONDS, "decide": self._patience}.get(event)
+        self.due = None if seconds is None else time.monotonic() + seconds
         if event in ("start", "moved"):
             self.places.append(Place(*value))
 
@@ -80,21 +94,30 @@ class _Worker:
         """End the process: at once when it works, else by closing its input."""
         if self.job is not None or not self.ready:
             self.process.terminate()
-        if self.process.stdin is not None:
-            try:
-                self.process.stdin.close()
-            except BrokenPipeError:
-                log.debug("worker %d was gone already", self.process.pid)
+        self._close_input()
         try:
             self.process.wait(STOP_SECONDS)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
 
+    def bury(self) -> int:
+        """Release what is left of a process that has ended; return its exit code."""
+        self._close_input()
+        return self.process.wait()
+
+    def _close_input(self) -> None:
+        if self.process.stdin is not None:
+            try:
+                self.process.stdin.close()
+            except BrokenPipeError:
+                log.debug("worker %d was gone already", self.process.pid)
+
     def _listen(self) -> None:
         assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self._events.put((self, json.loads(line)))
+        with self.process.stdout as lines:
+            for line in lines:
+                self._events.put((self, json.loads(line)))
         self._events.put((self, None))
 
 
@@ -175,18 +198,17 @@ class WorkerPool:
         self._workers.append(_Worker(self._settings, self._events))
 
     def _end_overdue(self) -> None:
-        """End workers whose planner is far beyond the time limit: they do not come back to say so themselves."""
-        limit = self._settings.time_limit
+        """End workers whose planner does not come back to say itself that it took too long."""
         for worker in self._workers:
-            since = worker.deciding_since
-            if since is not None and time.monotonic() - since > 2.0 * limit + 2.0:
-                worker.killed_for = f"a decision did not end within {2.0 * limit + 2.0:g} s, the limit is {limit:g} s"
+            if worker.due is not None and time.monotonic() > worker.due:
+                limit = self._settings.time_limit
+                worker.killed_for = f"a decision did not end, the limit is {limit:g} s: its process was killed"
                 worker.process.kill()
-                worker.deciding_since = None
+                worker.due = None
 
     def _lost(self, worker: _Worker) -> tuple[Job | None, Outcome | None]:
         """Count a worker's end; return the job that it takes with it."""
-        code = worker.process.wait()
+        code = worker.bury()
         self._workers.remove(worker)
         if not worker.ready:
             raise HDError(f"the worker processes cannot start (exit code {code}): their last lines above tell why")

@@ -167,4 +167,4 @@ class Evaluation:
 
     @staticmethod
     def _path(folder: Path, planner: str, suffix: str) -> Path:
-        return folder / f"{planner}.{suffix}"
+        return folder / f"{planner.replace(':', '.')}.{suffix}"

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Any, cast
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -29,7 +32,7 @@ class EvaluationSettings(BaseModel):
         mapping: what the robot makes of its scans.
         simulator: simulated robot and sensor.
         seed: of planners and simulator.
-        time_limit: seconds for one decision.
+        time_limit: seconds of processor time for one decision.
         policy: file of the learned planner.
     """
 
@@ -58,7 +61,7 @@ class EvaluationSettings(BaseModel):
         return int(np.random.SeedSequence([self.seed, number]).generate_state(1)[0])
 
     def make(self, planner: str) -> Planner | OmniscientReference:
-        """Make a planner, or the omniscient reference, by its name.
+        """Make a planner, or the omniscient reference, by its name; MODULE:CLASS names a planner of one's own.
 
         Raises:
             ConfigError: there is no such planner, it does not do the task, or something that it needs is missing.
@@ -66,8 +69,11 @@ class EvaluationSettings(BaseModel):
         """
         if planner == OMNISCIENT:
             return OmniscientReference(self.mapping, self.task, self.simulator)
-        settings = {"policy": self.policy} if planner in LEARNED else {}
-        made = make_planner(planner, self.mapping, **settings)
+        if ":" in planner:
+            made = _make_own(planner, self.mapping)
+        else:
+            settings = {"policy": self.policy} if planner in LEARNED else {}
+            made = make_planner(planner, self.mapping, **settings)
         if self.task.name not in made.tasks:
             raise ConfigError(
                 f"planner {planner!r} does {' and '.join(sorted(made.tasks))}, not {self.task.name}; "
@@ -80,3 +86,16 @@ def names_with_summaries() -> dict[str, str]:
     """Return the names of all planners and of the reference, each with a line about it."""
     names = {name: planner_summary(name) for name in planner_names()}
     return {**names, OMNISCIENT: "reference, no planner: near-shortest route on the known map"}
+
+
+def _make_own(name: str, mapping: MappingConfig) -> Planner:
+    """Make a planner that lives outside this package, from MODULE:CLASS; modules of the current folder are found."""
+    module, _, factory = name.partition(":")
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.insert(0, here)
+    try:
+        made = getattr(import_module(module), factory)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ConfigError(f"cannot load planner {name!r} ({error}): write it as MODULE:CLASS") from error
+    return cast(Planner, made(mapping))

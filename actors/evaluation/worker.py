@@ -2,7 +2,8 @@
 
 Started as ``python -m actors.evaluation.worker SETTINGS``, the settings being JSON (`EvaluationSettings`). A job is
 one line ``{"planner": NAME, "number": N}``; what happens is told on standard output, one JSON object a line with an
-``event``: ``ready`` (takes jobs), ``start``, ``decide``, ``moved`` (see `run_episode`), ``done`` (with the outcome).
+``event``: ``ready`` (takes jobs), ``unusable`` (with the reason), ``warm`` (a planner's first decisions, which compile
+its kernels), ``start``, ``decide``, ``moved`` (see `run_episode`), ``done`` (with the outcome).
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ from __future__ import annotations
 import json
 import logging
 import os
-import signal
 import sys
 import threading
 import traceback
@@ -80,6 +80,7 @@ class Worker:
         if name not in self._planners:
             made = self._settings.make(name)
             small = make_generator("rooms", {"width": "320", "height": "240"}).world(0, self._settings.metres_per_pixel)
+            self._tell("warm", None)
             try:
                 self._episode(made, small, 0, tell_nobody, WARM_UP_STEPS)
             except Exception as error:  # noqa: BLE001 - a fault shows again, and is reported, in its episodes
@@ -107,7 +108,6 @@ class Worker:
 def main(arguments: list[str]) -> int:
     """Serve jobs until standard input ends; return the exit code."""
     setup_logging(os.environ.get("HD_LOG_LEVEL", "warning"))
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Libraries that print must not get into the events: those go to the real standard output, prints to the log.
     events = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())

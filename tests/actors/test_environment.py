@@ -222,3 +222,36 @@ def test_episodes_repeat_exactly(task):
         return dataclasses.replace(report, duration=0.0), env.positions
 
     assert play() == play()
+
+
+def test_free_positions_are_driven_to_under_the_rules():
+    env = environment()
+    env.reset(dataclasses.replace(CORRIDOR, start=(2.2, 1.5)), seed=0, on_lattice=False)
+    # No drive to a viewpoint before the first decision.
+    assert env.positions == [(2.2, 1.5)]
+    step = env.step_to((5.0, 1.2))
+    assert env.positions[-1] == (5.0, 1.2)
+    assert step.distance == pytest.approx(np.hypot(2.8, 0.3))
+    assert env.steps == 1
+    assert env.mapping_seconds > 0.0
+    with pytest.raises(HDError, match="one edge"):
+        env.step_to((10.0, 1.5))
+    with pytest.raises(HDError, match="not known to be free"):
+        env.step_to((5.0, 3.5))
+    with pytest.raises(HDError, match="finite"):
+        env.step_to((float("nan"), 1.5))
+    assert env.steps == 1
+    while env.end is End.NONE:
+        step = env.step_to((env.pose.x + 4.0, 1.2))
+    assert env.success
+    with pytest.raises(HDError, match="ended"):
+        env.step_to(env.pose.position)
+
+
+def test_free_planners_end_by_themselves_or_at_the_step_limit():
+    env = environment("navigation", max_steps=3)
+    env.reset(SEALED, seed=0, on_lattice=False)
+    for _ in range(3):
+        assert env.end is End.NONE
+        env.step_to(env.pose.position)
+    assert (env.end, env.reason) == (End.TRUNCATED, "step limit")

@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from actors.evaluation.cli import app
+from tests.actors.evaluation.small import MAPS
+
+WHERE = ["--maps", MAPS, "--limit", "2"]
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Results of two planners on two small worlds, made by the command itself."""
+    out = tmp_path_factory.mktemp("results")
+    result = call("run", "--planner", "greedy,nearest", *WHERE, "--jobs", "1", "--out", out)
+    assert result.exit_code == 0, result.output
+    assert "greedy.json: 2 episodes" in result.output.replace("\n", "")
+    return out
+
+
+def test_the_table_compares(folder):
+    result = call("table", folder, "--baseline", "nearest", "--format", "markdown")
+    assert result.exit_code == 0
+    lines = result.output.splitlines()
+    assert lines[0].startswith("| planner | maps | mean [m]")
+    assert lines[2].startswith("| greedy | 2 |")
+    assert "paired by map with nearest" in result.output
+
+
+def test_a_replay_agrees_and_finds_a_changed_figure(folder, tmp_path):
+    result = call("replay", folder, *WHERE)
+    assert result.exit_code == 0, result.output
+    assert "greedy: 2 of 2 episodes agree" in result.output
+    text = (folder / "greedy.json").read_text().replace('"success":true', '"success":false', 1)
+    (tmp_path / "greedy.json").write_text(text)
+    result = call("replay", tmp_path, *WHERE)
+    assert result.exit_code == 1
+    assert "1 of 2 episodes agree" in result.output
+    assert "success says false" in result.output
+
+
+def test_all_plots_are_drawn(folder, tmp_path):
+    result = call("plot", folder, *WHERE, "--out", tmp_path / "pictures")
+    assert result.exit_code == 0, result.output
+    names = sorted(path.name.split("-")[0].removesuffix(".png") for path in (tmp_path / "pictures").iterdir())
+    assert names == ["boxes", "coverage", "scatter", "trajectories"]
+    for path in (tmp_path / "pictures").iterdir():
+        with Image.open(path) as picture:
+            assert np.asarray(picture.convert("L")).std() > 5
+
+
+def test_a_gif_shows_the_episode(folder, tmp_path):
+    result = call("video", folder / "greedy.json", *WHERE, "--out", tmp_path / "a.gif", "--width", "160")
+    assert result.exit_code == 0, result.output
+    with Image.open(tmp_path / "a.gif") as video:
+        assert video.size == (160, 142)
+        assert video.n_frames > 4
+        first = np.asarray(video.convert("RGB"), dtype=int)
+        video.seek(video.n_frames - 1)
+        last = np.asarray(video.convert("RGB"), dtype=int)
+    assert np.mean(np.abs(first - last).sum(axis=2) > 30) > 0.05
+
+
+def test_an_mp4_is_written(folder, tmp_path):
+    pytest.importorskip("imageio_ffmpeg")
+    result = call("video", folder / "greedy.json", *WHERE, "--out", tmp_path / "a.mp4", "--width", "160")
+    assert result.exit_code == 0, result.output
+    assert b"ftyp" in (tmp_path / "a.mp4").read_bytes()[:16]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["run", "--planner", "gredy", *WHERE, "--out", "x"], "did you mean 'greedy'"),
+        (["run", "--planner", "hdplanner", *WHERE, "--out", "x"], "hd-learner export"),
+        (["run", "--planner", "greedy", "--maps", "nowhere/", "--out", "x"], "no such folder"),
+        (["run", "--planner", "greedy", *WHERE, "--set", "task.max_step=3", "--out", "x"], "max_step"),
+        (["table", "nowhere"], "hd-eval run"),
+        (["video", "nowhere.json", *WHERE, "--out", "a.gif"], "cannot read"),
+    ],
+)
+def test_mistakes_are_one_clear_line(arguments, word, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = call(*arguments)
+    assert result.exit_code == 1
+    assert word in result.output.replace("\n", " ")
+    assert "Traceback" not in result.output
+
+
+def test_plots_of_routes_need_maps_and_videos_a_suffix(folder, tmp_path):
+    assert "--maps" in call("plot", folder, "--out", tmp_path).output
+    result = call("video", folder / "greedy.json", *WHERE, "--out", tmp_path / "a.avi")
+    assert result.exit_code == 1
+    assert ".gif or .mp4" in result.output
+
+
+@pytest.mark.parametrize("command", ["run", "table", "plot", "video", "replay"])
+def test_help_shows_examples(command):
+    result = call(command, "--help")
+    assert result.exit_code == 0
+    assert f"hd-eval {command}" in result.output

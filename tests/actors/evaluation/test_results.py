@@ -1,0 +1,61 @@
+import json
+
+import pytest
+
+from actors.evaluation.results import ResultsError, collect_results, read_results, write_results
+from tests.actors.evaluation.small import results
+
+
+def test_a_results_file_has_the_published_format_and_reads_back(tmp_path):
+    path = tmp_path / "greedy.json"
+    write_results(path, results())
+    data = json.loads(path.read_text())
+    assert list(data) == [
+        "task", "metres_per_pixel", "sensor_range_m", "units", "planner", "commit", "seed", "episodes",
+    ]  # fmt: skip
+    assert list(data["episodes"][0]) == [
+        "map", "waypoints", "distance_m", "steps", "success", "explored_rate", "decision_ms",
+    ]  # fmt: skip
+    assert data["units"] == "px"
+    assert data["episodes"][1]["waypoints"] == [[0.0, 0.0], [80.0, 0.0]]
+    assert read_results(path) == results()
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"units": "m"}, "units"),
+        ({"task": "cooking"}, "task"),
+        ({"metres_per_pixel": 0}, "metres_per_pixel"),
+        ({"episodes": [{}]}, "episodes.0"),
+    ],
+)
+def test_what_breaks_the_format_is_named(tmp_path, change, word):
+    path = tmp_path / "bad.json"
+    path.write_text(json.dumps(json.loads(results().model_dump_json()) | change))
+    with pytest.raises(ResultsError, match=word):
+        read_results(path)
+
+
+def test_a_map_that_stands_twice_is_refused(tmp_path):
+    path = tmp_path / "twice.json"
+    data = json.loads(results().model_dump_json())
+    data["episodes"].append(data["episodes"][0])
+    path.write_text(json.dumps(data))
+    with pytest.raises(ResultsError, match="more than once"):
+        read_results(path)
+
+
+def test_files_and_folders_are_collected(tmp_path):
+    write_results(tmp_path / "a.json", results("a"))
+    write_results(tmp_path / "b.json", results("b"))
+    assert [found.planner for found in collect_results([tmp_path])] == ["a", "b"]
+    assert [found.planner for found in collect_results([tmp_path / "b.json"])] == ["b"]
+    with pytest.raises(ResultsError, match="hd-eval run"):
+        collect_results([tmp_path / "none"])
+    write_results(tmp_path / "c.json", results("a"))
+    with pytest.raises(ResultsError, match="choose one"):
+        collect_results([tmp_path])
+    write_results(tmp_path / "c.json", results("c", task="navigation"))
+    with pytest.raises(ResultsError, match="another task"):
+        collect_results([tmp_path])

@@ -1,0 +1,137 @@
+import json
+
+import pytest
+
+from actors.evaluation.episode import Place, crashed
+from actors.evaluation.journal import Journal
+from actors.evaluation.results import ResultsError, read_results
+from actors.evaluation.runner import Evaluation
+from actors.evaluation.worker import Worker
+from common.errors import ConfigError, MapError
+from tests.actors.evaluation.small import settings
+
+OWN = "tests.actors.evaluation.small"
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """A greedy planner and the reference on two worlds, by one real worker process."""
+    out = tmp_path_factory.mktemp("results")
+    seen = []
+    evaluation = Evaluation(settings(), ["greedy", "omniscient"], out)
+    evaluation.run(1, seen.append)
+    return out, seen, evaluation
+
+
+def test_each_planner_gets_a_results_file(done):
+    out, seen, evaluation = done
+    assert len(seen) == 4
+    assert evaluation.crashes() == {}
+    greedy, omniscient = (read_results(out / f"{name}.json") for name in ("greedy", "omniscient"))
+    assert [episode.map for episode in greedy.episodes] == [episode.map for episode in omniscient.episodes]
+    assert all(episode.success for episode in greedy.episodes + omniscient.episodes)
+    for planned, best in zip(greedy.episodes, omniscient.episodes, strict=True):
+        assert planned.steps == len(planned.waypoints) - 1
+        assert best.distance_m <= planned.distance_m + 1e-6
+        assert planned.decision_ms.p95 >= planned.decision_ms.median > 0.0
+
+
+def test_a_finished_run_does_nothing_again(done):
+    out, _, _ = done
+    before = (out / "greedy.json").read_text()
+    again = Evaluation(settings(), ["greedy"], out)
+    assert again.done("greedy") == 2
+    seen = []
+    again.run(1, seen.append)
+    assert seen == []
+    assert (out / "greedy.json").read_text() == before
+
+
+def test_other_settings_do_not_mix(done):
+    out, _, _ = done
+    with pytest.raises(ResultsError, match="seed: 0 there, 1 now"):
+        Evaluation(settings(seed=1), ["greedy"], out)
+
+
+def test_episodes_depend_on_the_seed_alone(done):
+    out, _, _ = done
+    worker = Worker(settings(), lambda event, place: None)
+    outcome = worker.run("greedy", 1)
+    worker.close()
+    episode = read_results(out / "greedy.json").episodes[1]
+    assert outcome.waypoints == episode.waypoints
+    assert outcome.distance == pytest.approx(episode.distance_m, abs=1e-3)
+
+
+def test_a_fault_of_a_planner_costs_its_episode_alone():
+    told = []
+    worker = Worker(settings(time_limit=0.1), lambda event, place: told.append((event, place)))
+    raised = worker.run(f"{OWN}:RaisingPlanner", 0)
+    assert raised.crashed
+    assert raised.reason == "RuntimeError: a fault in the planner"
+    assert (raised.steps, len(raised.waypoints)) == (2, 3)
+    assert raised.distance > 0.0
+    assert 0.0 < raised.explored < 1.0
+    assert [event for event, _ in told] == ["warm", "start", "decide", "moved", "decide", "moved", "decide"]
+    cheated = worker.run(f"{OWN}:CheatingPlanner", 0)
+    assert cheated.crashed
+    assert "one edge" in cheated.reason
+    slow = worker.run(f"{OWN}:SlowPlanner", 0)
+    assert not slow.crashed
+    assert not slow.success
+    assert "the limit is 0.1 s" in slow.reason
+    fine = worker.run("nearest", 0)
+    assert fine.success
+    worker.close()
+
+
+@pytest.mark.slow
+def test_processes_that_die_or_hang_are_replaced(tmp_path):
+    planners = [f"{OWN}:DyingPlanner", f"{OWN}:HangingPlanner", "greedy"]
+    evaluation = Evaluation(settings(limit=1, time_limit=1.0), planners, tmp_path)
+    evaluation.run(1)
+    crashes = evaluation.crashes()
+    assert set(crashes) == set(planners[:2])
+    assert "exit code 7" in crashes[planners[0]][0][1].reason
+    assert "did not end" in crashes[planners[1]][0][1].reason
+    died = read_results(evaluation.results_file(planners[0])).episodes[0]
+    assert died.steps == 2
+    assert not died.success
+    assert read_results(tmp_path / "greedy.json").episodes[0].success
+    # What crashed is run again, what ended well is not.
+    assert [Evaluation(settings(limit=1, time_limit=1.0), planners, tmp_path).done(name) for name in planners] == [
+        0,
+        0,
+        1,
+    ]
+
+
+def test_mistakes_are_found_before_the_work_starts(tmp_path):
+    with pytest.raises(ConfigError, match="greedy"):
+        Evaluation(settings(), ["gredy"], tmp_path)
+    with pytest.raises(ConfigError, match="--policy"):
+        Evaluation(settings(), ["hdplanner"], tmp_path)
+    with pytest.raises(ConfigError, match="exploration, not navigation"):
+        Evaluation(settings(task={"name": "navigation"}), ["greedy"], tmp_path)
+    with pytest.raises(ConfigError, match="MODULE:CLASS"):
+        Evaluation(settings(), ["nowhere:Planner"], tmp_path)
+    with pytest.raises(MapError, match="no such folder"):
+        Evaluation(settings(maps=("nowhere/",)), ["greedy"], tmp_path)
+
+
+def test_a_journal_survives_a_kill_and_tells_of_damage(tmp_path):
+    path = tmp_path / "greedy.jsonl"
+    outcome = crashed([Place(1.0, 2.0, 0.0, 0.1), Place(3.0, 2.0, 0.5, 0.2)], "a fault")
+    good = Journal.open(path, {"seed": 0})
+    good.add(0, outcome, "abc")
+    fine = json.loads(path.read_text().splitlines()[1]) | {"crashed": False, "number": 1}
+    path.write_text(path.read_text() + json.dumps(fine) + "\n" + '{"number": 2, "cut off')
+    journal = Journal.open(path, {"seed": 0})
+    assert list(journal.outcomes) == [1]
+    assert journal.outcomes[1].waypoints == [(1.0, 2.0), (3.0, 2.0)]
+    assert path.read_text().endswith("\n")
+    journal.add(2, outcome, "def")
+    assert Journal.open(path, {"seed": 0}).commits == ["abc"]
+    path.write_text(path.read_text() + "[]\n")
+    with pytest.raises(ResultsError, match="damaged"):
+        Journal.open(path, {"seed": 0})

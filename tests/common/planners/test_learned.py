@@ -1,0 +1,78 @@
+import numpy as np
+import pytest
+
+from common.config.schema import MappingConfig, NetworkConfig
+from common.errors import CheckpointError, ConfigError
+from common.network.parameters import initial_parameters
+from common.planners.base import Status
+from common.planners.learned import LearnedPlanner
+from common.planners.registry import make_planner
+from common.policy_file import PolicyCard, write_policy
+from tests.common.planners.rollout import drawn, explore
+
+CONFIG = MappingConfig(resolution=0.5)
+NETWORK = NetworkConfig(width=16, heads=2, layers=1)
+WORLD = drawn(["############", "#S.....#...#", "#..........#", "#......#...#", "############"])
+
+
+@pytest.fixture(scope="module")
+def policy(tmp_path_factory):
+    path = tmp_path_factory.mktemp("policy") / "policy.safetensors"
+    card = PolicyCard("test", "exploration", NETWORK, CONFIG, 1, 0, 0, False, "abc", "now")
+    write_policy(path, initial_parameters(NETWORK, 0), card)
+    return path
+
+
+def test_a_policy_explores_under_the_rules_of_the_protocol(policy):
+    planner = make_planner("hdplanner", CONFIG, policy=policy)
+    # `explore` checks every waypoint: known free, in sight, one edge long.
+    episode = explore(planner, WORLD, CONFIG, max_steps=40, rays=360)
+    assert planner.name == "hdplanner"
+    assert episode.plans[0].status is Status.GOING
+    assert episode.plans[0].beacon is not None
+    again = explore(planner, WORLD, CONFIG, max_steps=40, rays=360)
+    assert again.waypoints == episode.waypoints
+    assert planner.rule_applied == 0
+
+
+def test_the_revisit_rule_ends_loops_and_is_named_and_counted(policy):
+    plain = explore(LearnedPlanner(CONFIG, policy=policy), WORLD, CONFIG, max_steps=60, rays=360)
+    planner = make_planner("hdplanner+revisit", CONFIG, policy=policy)
+    assert planner.name == "hdplanner+revisit"
+    ruled = explore(planner, WORLD, CONFIG, max_steps=60, rays=360)
+    assert ruled.complete
+    if not plain.complete:
+        assert planner.rule_applied > 0
+    planner.reset("exploration", None, 0)
+    assert planner.rule_applied == 0
+
+
+def test_a_robot_beside_the_lattice_gets_valid_waypoints(policy):
+    start = (WORLD.start[0] + 1.3, WORLD.start[1] - 0.8)
+    beside = type(WORLD)("beside", WORLD.free, 0.5, (0.0, 0.0), start, None, None, WORLD.lattice_origin)
+    episode = explore(make_planner("hdplanner+revisit", CONFIG, policy=policy), beside, CONFIG, max_steps=40, rays=360)
+    assert episode.steps > 0
+
+
+def test_one_room_is_complete(policy):
+    room = drawn(["#####", "#S..#", "#...#", "#####"])
+    planner = LearnedPlanner(CONFIG, policy=policy)
+    episode = explore(planner, room, CONFIG, unseen_area=0.0, max_steps=30, rays=360)
+    assert episode.complete or episode.status is Status.COMPLETE
+
+
+def test_what_is_missing_is_said(policy, tmp_path):
+    with pytest.raises(ConfigError, match="hd-learner export"):
+        make_planner("hdplanner", CONFIG)
+    with pytest.raises(CheckpointError, match="cannot read"):
+        make_planner("hdplanner", CONFIG, policy=tmp_path / "none.safetensors")
+    with pytest.raises(ConfigError, match="revisit_penalty"):
+        LearnedPlanner(CONFIG, policy=policy, revisit_penalty=-1.0)
+    with pytest.raises(ConfigError, match="not navigation"):
+        LearnedPlanner(CONFIG, policy=policy).reset("navigation", (1.0, 1.0), 0)
+
+
+def test_another_mapping_is_warned_of(policy, caplog):
+    LearnedPlanner(MappingConfig(resolution=0.5, sensor_range=12.0), policy=policy)
+    assert "sensor_range 20.0 (here 12.0)" in caplog.text
+    assert np.isfinite(LearnedPlanner(CONFIG, policy=policy).card.version)
