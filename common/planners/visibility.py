@@ -103,7 +103,11 @@ def _unknown_in_sight(
             entered = 0.0
             while entered < reach:
                 value = cells[index]
-                if value in (OCCUPIED, OUTSIDE):
+                if value == OCCUPIED:
+                    break
+                if value == OUTSIDE:
+                    # All that lies beyond the grid is unknown.
+                    areas[p] += reach * reach - entered * entered
                     break
                 leaves = min(next_x, next_y, reach)
                 if value != FREE:
@@ -128,7 +132,7 @@ def unknown_in_sight(
     """Return the unknown area that a sensor at each point would meet before the first known wall, square metres.
 
     Unknown cells hide nothing: a ray goes on through them, as in the volumetric gain of Bircher et al. (2016). It must
-    enter them over a frontier, however: a single cell of a wall that no beam happened to hit is no window.
+    enter them at a frontier, however: a single cell of a wall that no beam happened to hit is no window.
 
     Args:
         mapper: updated.

@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from common.errors import ConfigError
+from common.geometry import Pose
+from common.planners.base import Status
+from common.planners.greedy import GreedyPlanner
+from common.planners.lattice import ScannedViewpoints, lead_to
+from common.planners.nearest import NearestPlanner
+from tests.common.planners.rollout import drawn
+from tests.common.planners.worlds import ARMS, CONFIG, DEAD_END, looked
+
+# A short arm with little to see on the left, a wide hall behind the door on the right.
+HALL = drawn(
+    [
+        "##############",
+        "######.......#",
+        "#....S.......#",
+        "######.......#",
+        "##############",
+    ]
+)
+
+
+def test_greedy_prefers_what_shows_more() -> None:
+    mapper, pose = looked(HALL)
+    plan = GreedyPlanner(CONFIG).plan(mapper, pose)
+    assert plan.beacon is not None
+    assert plan.beacon[0] > pose.x
+
+
+def test_greedy_scale_weighs_the_way() -> None:
+    mapper, pose = looked(ARMS)
+    utility = mapper.observe().utility
+    distances = mapper.distances(mapper.robot)
+    others = (utility > 0) & (distances > 0.0)
+    for scale in (1.0, 1e6):
+        plan = GreedyPlanner(CONFIG, scale=scale).plan(mapper, pose)
+        goal = next(n for n in range(len(utility)) if mapper.position(n) == plan.beacon)
+        value = np.where(others, np.log(np.maximum(utility, 1)) - distances / scale, -np.inf)
+        assert value[goal] == pytest.approx(value.max())
+
+
+def test_greedy_refuses_a_scale_of_zero() -> None:
+    with pytest.raises(ConfigError, match="scale"):
+        GreedyPlanner(CONFIG, scale=0.0)
+
+
+def test_nearest_goes_to_the_nearer_frontier() -> None:
+    # From the middle of the corridor both ends are hidden; the robot was further to the left before.
+    mapper, pose = looked(DEAD_END)
+    plan = NearestPlanner(CONFIG).plan(mapper, pose)
+    frontiers = mapper.frontiers
+    assert plan.beacon is not None
+    nearest = frontiers[np.argmin(np.hypot(*(frontiers - pose.position).T))]
+    assert np.hypot(*(nearest - plan.beacon)) <= np.hypot(*(nearest - pose.position))
+
+
+@pytest.mark.parametrize("planner", [NearestPlanner(CONFIG), GreedyPlanner(CONFIG)], ids=["nearest", "greedy"])
+def test_robot_that_cannot_move_is_told_the_end(planner: NearestPlanner | GreedyPlanner) -> None:
+    mapper, pose = looked(ARMS)
+    planner.reset("exploration", None, 0)
+    for _ in range(200):
+        plan = planner.plan(mapper, pose)
+        if plan.status is Status.COMPLETE:
+            return
+    pytest.fail("the planner sends a robot that never moves to the same places forever")
+
+
+def test_scanned_viewpoints_are_remembered_by_place() -> None:
+    mapper, pose = looked(ARMS)
+    scanned = ScannedViewpoints(CONFIG.viewpoint_spacing)
+    scanned.note(mapper, Pose(pose.x + 1.5, pose.y))
+    assert not scanned.mask(mapper.viewpoints).any()
+    scanned.note(mapper, Pose(pose.x + 0.5, pose.y))
+    assert np.flatnonzero(scanned.mask(mapper.viewpoints)).tolist() == [mapper.robot]
+
+
+def test_lead_to_its_own_viewpoint() -> None:
+    x, y = ARMS.start
+    mapper, pose = looked(ARMS, [(x + 1.0, y)])
+    plan = lead_to(mapper, pose, [mapper.robot], CONFIG.viewpoint_spacing)
+    assert plan.waypoint == pytest.approx(ARMS.start)
+    there = lead_to(mapper, Pose(x, y), [mapper.robot], CONFIG.viewpoint_spacing)
+    assert there.status is Status.COMPLETE
