@@ -54,5 +54,6 @@ def limit_threads(threads: int) -> None:
     import torch
 
     if threads > 0:
-        torch.set_num_threads(threads)
+        # numba first: starting its OpenMP layer sets the number of threads that torch reads.
         numba.set_num_threads(min(threads, numba.get_num_threads()))
+        torch.set_num_threads(threads)
