@@ -1,9 +1,16 @@
+import signal
+import subprocess
+import sys
+import time
+
 import numpy as np
+import psutil
 import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
 from actors.evaluation.cli import app
+from actors.evaluation.results import read_results
 from tests.actors.evaluation.small import MAPS
 
 WHERE = ["--maps", MAPS, "--limit", "2"]
@@ -104,3 +111,27 @@ def test_help_shows_examples(command):
     result = call(command, "--help")
     assert result.exit_code == 0
     assert f"hd-eval {command}" in result.output
+
+
+@pytest.mark.slow
+def test_ctrl_c_leaves_whole_results_and_no_process(tmp_path):
+    command = [sys.executable, "-m", "actors.evaluation.cli", "run", "--planner", "greedy", "--maps", MAPS]
+    command += ["--limit", "1000", "--jobs", "1", "--out", str(tmp_path)]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    journal = tmp_path / "greedy.jsonl"
+    while not journal.exists() or journal.read_text().count("\n") < 3:
+        assert process.poll() is None
+        time.sleep(0.2)
+    workers = psutil.Process(process.pid).children()
+    assert len(workers) == 1
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    psutil.wait_procs(workers, timeout=10)
+    assert not any(worker.is_running() for worker in workers)
+    done = read_results(tmp_path / "greedy.json").episodes
+    assert len(done) == journal.read_text().count("\n") - 1
+    # The same command goes on where it was.
+    assert call("run", "--planner", "greedy", "--maps", MAPS, "--limit", "2", "--out", tmp_path).exit_code == 0
+    assert len(read_results(tmp_path / "greedy.json").episodes) == 2
