@@ -79,8 +79,8 @@ class DsvpPlanner:
         horizon: float = 24.0,
         samples: int = 200,
         nodes: int = 120,
-        decay: float = 0.1,
-        turning: float = 0.05,
+        decay: float = 0.3,
+        turning: float = 0.03,
         min_gain: float = 2.0,
     ) -> None:
         """Set up.

@@ -16,7 +16,9 @@ from common.planners.rrt import Tree, free_box
 from common.planners.visibility import unknown_in_sight
 
 # Least distance between nodes of the tree, spacings: nodes on top of each other see the same.
-SPREAD: Final = 0.25
+SPREAD: Final = 0.5
+# Edges are this much shorter than the longest waypoint, so that rounding cannot make one too far.
+MARGIN: Final = 1.0 - 1e-5
 # Samples that are drawn at once.
 BATCH: Final = 500
 
@@ -44,9 +46,9 @@ class NbvpPlanner:
         self,
         config: MappingConfig,
         *,
-        nodes: int = 200,
-        most_nodes: int = 2000,
-        decay: float = 0.1,
+        nodes: int = 50,
+        most_nodes: int = 1000,
+        decay: float = 0.2,
         min_gain: float = 2.0,
     ) -> None:
         """Set up.
@@ -96,7 +98,9 @@ class NbvpPlanner:
         for _ in range(2 * self._most_nodes // BATCH + 2):
             capacity = self._nodes if len(tree.points) < self._nodes else self._most_nodes
             samples = box[0] + self._random.random((BATCH, 2)) * (box[1] - box[0])
-            tree.extend(mapper.belief, samples, capacity=capacity, step=LONGEST_EDGE * spacing, spread=SPREAD * spacing)
+            tree.extend(
+                mapper.belief, samples, capacity=capacity, step=MARGIN * LONGEST_EDGE * spacing, spread=SPREAD * spacing
+            )
             if len(tree.points) < capacity and capacity == self._nodes:
                 continue
             gains = self._gains(mapper, tree, gains)

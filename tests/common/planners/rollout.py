@@ -57,10 +57,10 @@ def explore(
     episode = Episode(Status.GOING, "step limit", False, 0.0, [pose.position], 0.0)
     for step in range(max_steps + 1):
         scan = simulator.scan()
-        started = time.perf_counter()
+        started = time.thread_time()
         mapper.integrate(scan, pose)
         mapper.update(pose)
-        updated = time.perf_counter()
+        updated = time.thread_time()
         coverage.update(mapper.belief.cells, mapper.belief.resolution, mapper.belief.origin)
         episode.explored = coverage.explored
         if coverage.unseen_area <= enough:
@@ -68,9 +68,9 @@ def explore(
             break
         if step == max_steps:
             break
-        resumed = time.perf_counter()
+        resumed = time.thread_time()
         plan = planner.plan(mapper, pose)
-        episode.decision_ms.append((updated - started + time.perf_counter() - resumed) * 1e3)
+        episode.decision_ms.append((updated - started + time.thread_time() - resumed) * 1e3)
         episode.plans.append(plan)
         episode.status = plan.status
         if plan.status is not Status.GOING:
