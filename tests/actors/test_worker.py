@@ -9,7 +9,7 @@ import pytest
 from actors.options import ActorOptions
 from actors.worker import Worker
 from common.config.schema import BusConfig
-from common.messages.experience import EpisodeReport
+from common.messages.experience import Chunk, EpisodeReport
 from tests.actors.learner_end import LearnerEnd, free_port
 
 
@@ -98,17 +98,15 @@ def test_a_learner_that_comes_back_is_served_again_and_a_new_configuration_taken
     with Running(f"tcp/127.0.0.1:{port}") as running:
         with LearnerEnd(port) as first:
             assert first.wait_for(lambda: len(first.chunks()) >= 2)
+            old = first.deliveries[0].incarnation
         assert not running.stop.wait(1.0)
         with LearnerEnd(port, task={"max_steps": 3}, network={"width": 48, "heads": 3, "layers": 1}) as second:
-            assert second.wait_for(
-                lambda: (
-                    len({d.incarnation for d in second.deliveries}) == 2
-                    and any(chunk.first_step + chunk.steps == 3 for chunk in second.chunks())
-                ),
-            )
-            latest = second.deliveries[-1].incarnation
-            steps = [
-                d.body for d in second.deliveries if d.incarnation == latest and not isinstance(d.body, EpisodeReport)
-            ]
+
+            def begun_anew() -> list[Chunk]:
+                bodies = [delivery.body for delivery in second.deliveries if delivery.incarnation != old]
+                return [body for body in bodies if isinstance(body, Chunk)]
+
+            assert second.wait_for(lambda: any(chunk.first_step + chunk.steps == 3 for chunk in begun_anew()))
+            steps = begun_anew()
             assert max(chunk.first_step + chunk.steps for chunk in steps) <= 3
             assert np.all([chunk.steps <= 3 for chunk in steps])
