@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.evaluation.annealing import anneal, drive
+from actors.evaluation.retrace import follow
 from actors.evaluation.true_graph import TrueGraph, lattice_links
 from actors.expert import cover
 from actors.expert.lattice import line_free
 from actors.expert.visibility import Visibility, fill_words
 from actors.maps.grid_map import GridMap
-from actors.simulators.grid import GridSimulator
 from actors.tasks import make_task
 from actors.tasks.coverage import Coverage
 from common.config.schema import MappingConfig, SimulatorConfig, TaskConfig
@@ -230,26 +230,13 @@ class OmniscientReference:
 
     def _rehearse(self, world: GridMap, route: list[Position], seed: int) -> Rehearsal:
         """Drive a route in the grid simulator, with the scans that an episode of this seed has."""
-        simulator = GridSimulator(self._simulator, self._mapping.sensor_range)
-        pose = simulator.reset(world, seed)
-        width, height = world.size
-        bounds = (*world.origin, world.origin[0] + width, world.origin[1] + height)
-        mapper = Mapper(self._mapping, lattice_origin=world.lattice_origin, bounds=bounds)
-        coverage = Coverage(world)
-        length = 0.0
-        for driven in range(len(route) + 1):
-            if driven:
-                if not mapper.segment_free(pose.position, route[driven - 1]):
-                    return Rehearsal(driven - 1, False, length, coverage.unseen_cells)
-                leg = simulator.drive_to(route[driven - 1])
-                pose, length = leg.pose, length + leg.distance
-                for seen_from, scan in leg.sensed:
-                    mapper.integrate(scan, seen_from)
-            mapper.integrate(simulator.scan(), pose)
-            coverage.update(mapper.belief.cells, mapper.belief.resolution, mapper.belief.origin)
-            if coverage.unseen_area <= self._task.unseen_area + 1e-9:
-                return Rehearsal(driven, True, length, coverage.unseen_cells)
-        return Rehearsal(len(route), False, length, coverage.unseen_cells)
+        for moment in follow(world, [world.start, *route], self._mapping, self._simulator, seed=seed):
+            unseen = moment.coverage.unseen_cells
+            if not (moment.known and moment.clear):
+                return Rehearsal(moment.number - 1, False, moment.distance, unseen)
+            if moment.coverage.unseen_area <= self._task.unseen_area + 1e-9:
+                return Rehearsal(moment.number, True, moment.distance, unseen)
+        return Rehearsal(moment.number, False, moment.distance, unseen)
 
 
 def _near_nodes(graph: TrueGraph) -> NDArray[np.int64]:

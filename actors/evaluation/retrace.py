@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from actors.evaluation.pixels import Position, to_metres
 from actors.maps.grid_map import GridMap
 from actors.simulators.grid import GridSimulator
@@ -48,19 +46,32 @@ def retrace(
     seed: int = 0,
     navigation: bool = False,
 ) -> Iterator[Moment]:
-    """Drive a route in the grid simulator, scanning at its waypoints as the nominal protocol does.
+    """Drive a recorded route again; see `follow`, but for its waypoints: pixels of the image, the start first."""
+    positions = [to_metres(world, waypoint) for waypoint in waypoints]
+    return follow(world, positions, mapping, simulator, seed=seed, navigation=navigation)
 
-    The route is followed as it is recorded, even where that breaks a rule; each moment tells whether it did.
+
+def follow(
+    world: GridMap,
+    positions: Sequence[Position],
+    mapping: MappingConfig,
+    simulator: SimulatorConfig,
+    *,
+    seed: int = 0,
+    navigation: bool = False,
+) -> Iterator[Moment]:
+    """Drive a route in the grid simulator, scanning at its positions as the nominal protocol does.
+
+    The route is driven as it is given, even where that breaks a rule; each moment tells whether it did.
 
     Args:
         world: the true map.
-        waypoints: (x, y) in pixels of the image, the start first.
+        positions: (x, y) in metres, the start first.
         mapping: what is made of the scans.
         simulator: beams and noise of the sensor.
         seed: of the noise.
         navigation: give the world's target to the mapper.
     """
-    positions = [to_metres(world, waypoint) for waypoint in waypoints]
     robot = GridSimulator(simulator.model_copy(update={"name": "grid"}), mapping.sensor_range)
     pose = robot.reset(world, seed)
     width, height = world.size
@@ -94,9 +105,3 @@ def retrace(
         else:
             clear = False
         yield Moment(number, pose, mapper, coverage, distance, known, clear)
-
-
-def route_pixels(waypoints: Sequence[Position]) -> float:
-    """Return the length of a route in the unit of its waypoints."""
-    points = np.array(waypoints, dtype=np.float64)
-    return float(np.hypot(*np.diff(points, axis=0).T).sum()) if len(points) > 1 else 0.0
