@@ -121,7 +121,7 @@ def trace(solid: NDArray[np.bool_]) -> list[NDArray[np.int32]]:
         together.
     """
     corners, ends = _trace(solid, _STEP_X, _STEP_Y, _LEFT_X, _LEFT_Y, _RIGHT_X, _RIGHT_Y)
-    return np.split(corners, ends[:-1])
+    return np.split(corners, ends[:-1]) if len(ends) else []
 
 
 def convex_corners(solid: NDArray[np.bool_], tolerance: float) -> NDArray[np.int32]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import isfinite
+
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.mapping.sight import Box
@@ -43,10 +45,8 @@ class FarPlanner(FreeSpacePlanner):
             self._graph.clear()
         if changed is not None:
             self._graph.update(grid.possible, changed)
-        if grid.possibly_free(pose.position, target):
-            return [target]
-        _, path = self._graph.path(grid.possible, grid.subcells(pose.position), grid.subcells(target))
-        if not len(path):
+        length, path = self._graph.path(grid.possible, grid.subcells(pose.position), grid.subcells(target))
+        if not isfinite(length):
             return None
         step, (x, y) = grid.resolution, grid.origin
         corners = self._graph.corners[path, :2].tolist()

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from common.heap import pop, push
 from common.jit import njit
 from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS
 
@@ -39,43 +40,6 @@ EDGE_UNITS: NDArray[np.int64] = np.array([_TABLE[abs(dy), abs(dx)] for dx, dy in
 
 
 @njit(cache=True, nogil=True)
-def _sift_up(keys: NDArray[np.int64], nodes: NDArray[np.int32], size: int, first: int, second: int, node: int) -> None:
-    while size:
-        parent = (size - 1) >> 1
-        if keys[parent, 0] < first or (keys[parent, 0] == first and keys[parent, 1] <= second):
-            break
-        keys[size, 0], keys[size, 1] = keys[parent, 0], keys[parent, 1]
-        nodes[size] = nodes[parent]
-        size = parent
-    keys[size, 0], keys[size, 1] = first, second
-    nodes[size] = node
-
-
-@njit(cache=True, nogil=True)
-def _drop_first(keys: NDArray[np.int64], nodes: NDArray[np.int32], size: int) -> None:
-    """Remove the smallest of `size` entries: the last one sinks from the root."""
-    size -= 1
-    first, second, node = keys[size, 0], keys[size, 1], nodes[size]
-    hole = 0
-    while True:
-        child = 2 * hole + 1
-        if child >= size:
-            break
-        right = child + 1
-        if right < size and (
-            keys[right, 0] < keys[child, 0] or (keys[right, 0] == keys[child, 0] and keys[right, 1] < keys[child, 1])
-        ):
-            child = right
-        if keys[child, 0] > first or (keys[child, 0] == first and keys[child, 1] >= second):
-            break
-        keys[hole, 0], keys[hole, 1] = keys[child, 0], keys[child, 1]
-        nodes[hole] = nodes[child]
-        hole = child
-    keys[hole, 0], keys[hole, 1] = first, second
-    nodes[hole] = node
-
-
-@njit(cache=True, nogil=True)
 def _a_star(
     edges: NDArray[np.uint32],
     goal_units: NDArray[np.int64],
@@ -89,41 +53,39 @@ def _a_star(
     best = np.full(n, NO_WAY)
     before = np.full(n, -1, dtype=np.int32)
     room = n + 1
-    keys = np.empty((room, 2), dtype=np.int64)
+    keys = np.empty(room, dtype=np.int64)
     nodes = np.empty(room, dtype=np.int32)
     best[start] = 0
-    keys[0, 0], keys[0, 1], nodes[0] = heuristic[start], 0, start
-    size = 1
+    size = push(keys, nodes, 0, heuristic[start], start)
     expanded = 0
     total, last = NO_WAY, -1
-    while size and keys[0, 0] < total:
-        node = nodes[0]
-        # Of equal totals the node farther from the start comes first: it is the nearer one to the goal.
-        length = -keys[0, 1]
-        _drop_first(keys, nodes, size)
-        size -= 1
-        if length > best[node]:
+    while size and keys[0] < total:
+        key, node = keys[0], nodes[0]
+        size = pop(keys, nodes, size)
+        length = best[node]
+        if key > length + heuristic[node]:
             continue
         expanded += 1
         if length + goal_units[node] < total:
             total, last = length + goal_units[node], node
         mask = edges[node // columns, node % columns]
         for k in range(NEIGHBOUR_COUNT):
-            if (mask >> np.uint32(k)) & np.uint32(1):
-                there = node + offsets[k, 1] * columns + offsets[k, 0]
-                further = length + costs[k]
-                if further < best[there] and heuristic[there] < NO_WAY:
-                    best[there] = further
-                    before[there] = node
-                    if size == room:
-                        room *= 2
-                        more_keys = np.empty((room, 2), dtype=np.int64)
-                        more_nodes = np.empty(room, dtype=np.int32)
-                        more_keys[:size] = keys
-                        more_nodes[:size] = nodes
-                        keys, nodes = more_keys, more_nodes
-                    _sift_up(keys, nodes, size, further + heuristic[there], -further, there)
-                    size += 1
+            if not (mask >> np.uint32(k)) & np.uint32(1):
+                continue
+            there = node + offsets[k, 1] * columns + offsets[k, 0]
+            further = length + costs[k]
+            if further >= best[there]:
+                continue
+            best[there] = further
+            before[there] = node
+            if size == room:
+                room *= 2
+                more_keys = np.empty(room, dtype=np.int64)
+                more_nodes = np.empty(room, dtype=np.int32)
+                more_keys[:size] = keys
+                more_nodes[:size] = nodes
+                keys, nodes = more_keys, more_nodes
+            size = push(keys, nodes, size, further + heuristic[there], there)
     return total, last, before, expanded
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import Final
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.grid_search import NO_WAY, UNITS
 from common.planners.lattice import LONGEST_EDGE, MAX_ATTEMPTS, ON_VIEWPOINT, TOLERANCE, check_task
 from common.planners.optimistic import OptimisticLattice
+
+# Decisions in a row from one place, whatever they were, before the robot counts as stuck.
+MAX_STANDSTILL: Final = 12
 
 
 class NavigationPlanner(ABC):
@@ -54,6 +58,7 @@ class NavigationPlanner(ABC):
         self._target = (float(target[0]), float(target[1]))
         self._asked: tuple[Position, Position] | None = None
         self._attempts = 0
+        self._standstill = 0
         self.begin(self._target, seed)
 
     def plan(self, mapper: Mapper, pose: Pose) -> Plan:
@@ -94,6 +99,10 @@ class NavigationPlanner(ABC):
         """Count decisions that lead nowhere."""
         if plan.waypoint is None:
             return plan
+        moved = self._asked is None or self._asked[0] != pose.position
+        self._standstill = 1 if moved else self._standstill + 1
+        if self._standstill > MAX_STANDSTILL:
+            return Plan(Status.STUCK, reason=f"{MAX_STANDSTILL} decisions in a row did not move the robot")
         if self._asked == (pose.position, plan.waypoint):
             self._attempts += 1
         else:

@@ -151,11 +151,14 @@ class VisibilityGraph:
     def path(
         self, possible: NDArray[np.int8], start: tuple[int, int], goal: tuple[int, int]
     ) -> tuple[float, NDArray[np.int64]]:
-        """Search a shortest path between two places, subcells, that do not see each other.
+        """Search a shortest path between two places, subcells.
 
         Returns:
-            Length in cells and numbers of the corners on the way; infinite and empty when there is none.
+            Length in cells, infinite without a way; and numbers of the corners on the way, none on a straight one.
         """
+        if blocker(possible.reshape(-1), possible.shape[1], *start, *goal) == CLEAR:
+            straight = np.hypot(start[0] - goal[0], start[1] - goal[1]) / (1 << SUBCELL_BITS)
+            return float(straight), np.empty(0, dtype=np.int64)
         legs = []
         for x, y in (start, goal):
             seen = _seen_from(possible.reshape(-1), possible.shape[1], self.corners, x, y)
