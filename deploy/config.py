@@ -1,0 +1,290 @@
+"""The bridge's configuration tree; the text of a field is its documentation, docs/deploy/parameters.md is made from it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from common.config.schema import Fraction, MappingConfig, Positive, Section
+
+Point = tuple[float, float]
+NonNegative = Annotated[float, Field(ge=0.0)]
+
+
+class RosConfig(Section):
+    """ROS 2 over Zenoh: how topics become keys, and whom to connect to."""
+
+    layout: Literal["rmw_zenoh", "ros2dds"] = "rmw_zenoh"
+    """Key layout: `rmw_zenoh` for robots whose RMW is Zenoh, `ros2dds` behind a zenoh-bridge-ros2dds."""
+    distro: Literal["humble", "jazzy", "kilted"] = "jazzy"
+    """ROS 2 distribution whose message definitions are spoken."""
+    domain: Annotated[int, Field(ge=0, le=232)] = 0
+    """ROS_DOMAIN_ID."""
+    namespace: str = ""
+    """Namespace put before every relative topic name, such as `robot1`."""
+    node: str = "hd_bridge"
+    """Name of the node that `ros2 node list` shows."""
+    connect: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
+    """Zenoh endpoints to connect to: the robot's `rmw_zenohd` router or its zenoh-bridge-ros2dds."""
+    listen: tuple[str, ...] = ()
+    """Zenoh endpoints to listen on, when there is no router at all: the bridge is one then."""
+
+
+class FramesConfig(Section):
+    """Coordinate frames."""
+
+    map: str = "map"
+    """Fixed frame in which the robot plans."""
+    odom: str = "odom"
+    """Frame of the odometry, where the profile uses TF."""
+    base: str = "base_link"
+    """The robot's own frame."""
+
+
+class TopicsConfig(Section):
+    """Topic names, ROS types where a robot may choose, and an empty name for a topic that is not used.
+
+    Names that begin with `/` are absolute, others stand below `ros.namespace`.
+    """
+
+    odometry: str = "/odom"
+    """IN nav_msgs/Odometry: pose and velocity."""
+    scan: str = "/scan"
+    """IN sensor_msgs/LaserScan, for `sensing.source: scan`."""
+    points: str = ""
+    """IN sensor_msgs/PointCloud2, for `sensing.source: points`."""
+    map: str = ""
+    """IN nav_msgs/OccupancyGrid of the robot's SLAM, for `sensing.source: grid`."""
+    tf: str = "/tf"
+    """IN tf2_msgs/TFMessage, for `sensing.pose: tf`."""
+    tf_static: str = "/tf_static"
+    """IN tf2_msgs/TFMessage, latched."""
+    goal: str = "/goal_point"
+    """IN geometry_msgs/PointStamped: target of the navigation task."""
+    goal_pose: str = ""
+    """IN geometry_msgs/PoseStamped: target of the navigation task, as RViz's goal tool publishes it."""
+    start: str = "/start_exploration"
+    """IN std_msgs/Bool: true starts."""
+    command: str = "/hd/command"
+    """IN std_msgs/String: start, pause, resume, abort, return_home, reset."""
+    emergency_stop: str = "/hd/emergency_stop"
+    """IN std_msgs/Bool: true latches the stop, whoever publishes it; only `hd-deploy command release` releases it."""
+    joy: str = "/joy"
+    """IN sensor_msgs/Joy: a moved stick takes over."""
+    waypoint: str = "/way_point"
+    """OUT geometry_msgs/PointStamped: where to go next."""
+    waypoint_pose: str = ""
+    """OUT geometry_msgs/PoseStamped: the same for nav2 (`/goal_pose`)."""
+    path: str = "/hd/path"
+    """OUT nav_msgs/Path: the route beyond the waypoint."""
+    beacon: str = "/hd/beacon"
+    """OUT geometry_msgs/PointStamped: the chosen beacon."""
+    status: str = "/hd/status"
+    """OUT std_msgs/String: JSON of state, reason, explored area, distance, decision time."""
+    acknowledgement: str = "/hd/acknowledgement"
+    """OUT std_msgs/String: JSON answer to every command."""
+    markers: str = "/hd/markers"
+    """OUT visualization_msgs/MarkerArray: graph, frontiers, beacons, attention."""
+    belief: str = "/hd/belief"
+    """OUT nav_msgs/OccupancyGrid, transient local: what the planner believes."""
+    velocity: str = "/cmd_vel"
+    """OUT geometry_msgs/Twist or TwistStamped: owned by the watchdog process."""
+    stop: str = ""
+    """OUT std_msgs/Int8 of the CMU stack: 0 go, 1 zero linear, 2 also zero yaw."""
+    speed: str = ""
+    """OUT std_msgs/Float32 of the CMU stack, m/s."""
+    finished: str = "/exploration_finish"
+    """OUT std_msgs/Bool: the task is done."""
+    goal_reached: str = "/far_reach_goal_status"
+    """OUT std_msgs/Bool: the navigation target is reached."""
+    runtime: str = "/runtime"
+    """OUT std_msgs/Float32: decision time, s."""
+    explored_volume: str = "/explored_volume"
+    """OUT std_msgs/Float32: points after a 0.5 m voxel filter times 0.125 m3 (`sensing.source: points`)."""
+    travelling_distance: str = "/traveling_distance"
+    """OUT std_msgs/Float32: metres travelled."""
+    time_duration: str = "/time_duration"
+    """OUT std_msgs/Float32: seconds since the first motion."""
+    remap: dict[str, str] = Field(default_factory=dict)
+    """Topic names replaced after everything else: from the name above to the robot's own."""
+
+
+class SensingConfig(Section):
+    """How sensor messages become the belief."""
+
+    source: Literal["scan", "points", "grid"] = "scan"
+    """What the belief is made from."""
+    pose: Literal["odometry", "tf"] = "odometry"
+    """Where poses come from: the odometry's own pose in the map frame, or map -> odom -> base by TF."""
+    points_frame: Literal["map", "sensor"] = "map"
+    """Frame of the point cloud: registered in the map already, or as the sensor sees it."""
+    sensor_height: float = 0.4
+    """Height of the lidar above the floor, metres, for clouds in the sensor's frame."""
+    sensor_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """x, y (metres) and yaw (radians) of the lidar in the base frame, where TF does not tell."""
+    height_min: float = 0.15
+    """Points below this height above the robot's floor are ground, metres."""
+    height_max: float = 1.5
+    """Points above this height above the robot's floor are ignored, metres."""
+    range_min: NonNegative = 0.3
+    """Nearer readings are the robot itself, metres."""
+    range_max: Positive | None = None
+    """Longer readings count as nothing met, metres; the mapping's sensor range when not given."""
+    beams: Annotated[int, Field(ge=90, le=7200)] = 720
+    """Beams into which a point cloud is projected."""
+    probability_hit: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.7
+    """Occupancy that a return tells of its cell."""
+    probability_miss: Annotated[float, Field(gt=0.0, lt=0.5)] = 0.4
+    """Occupancy that a passing beam tells of a cell."""
+    probability_limits: tuple[float, float] = (0.12, 0.97)
+    """Log-odds are clamped here, so that the map stays able to change."""
+    occupied_above: Fraction = 0.65
+    """A cell more probable than this is occupied."""
+    free_below: Fraction = 0.35
+    """A cell less probable than this is free; between the two it keeps what it was, unknown at first."""
+    grid_occupied: Annotated[int, Field(ge=1, le=100)] = 65
+    """Values of an OccupancyGrid from here on are occupied."""
+    grid_free: Annotated[int, Field(ge=0, le=99)] = 25
+    """Values of an OccupancyGrid up to here are free; between the two they are unknown."""
+    octomap: bool = False
+    """Build a 3D OctoMap from point clouds (needs pyoctomap) and project it."""
+    octomap_resolution: Positive = 0.2
+    """Voxel of the OctoMap, metres."""
+    pose_tolerance: Positive = 0.2
+    """A scan waits for a pose at most so much later or earlier than its stamp, seconds; else it is dropped."""
+
+    @model_validator(mode="after")
+    def _bounds_are_ordered(self) -> SensingConfig:
+        for low, high in (
+            ("height_min", "height_max"),
+            ("free_below", "occupied_above"),
+            ("grid_free", "grid_occupied"),
+        ):
+            if not getattr(self, low) < getattr(self, high):
+                raise ValueError(
+                    f"{low} ({getattr(self, low)}) must be below {high} ({getattr(self, high)}): correct one of the two"
+                )
+        return self
+
+
+class DecisionConfig(Section):
+    """What is decided, by whom and how often."""
+
+    task: Literal["exploration", "navigation"] = "exploration"
+    """What the robot must do."""
+    planner: str = "greedy"
+    """Name of the planner (`hd-eval planners`); `hdplanner` for a trained policy."""
+    policy: str | None = None
+    """Weights of `hdplanner`: a .safetensors or .onnx file with its card; the shipped ones when not given."""
+    live_run: str | None = None
+    """Take weights live from the learner of this run (`hd/<run>/weights`), only when named here."""
+    live_connect: tuple[str, ...] = ()
+    """Endpoints of that learner."""
+    fallback: str = "nearest"
+    """Classical planner that takes over when the planner fails, loops or makes no progress."""
+    rate: Positive = 2.0
+    """Decisions per second at least, besides those on arrival, Hz."""
+    arrival_radius: Positive = 0.5
+    """A waypoint counts as reached within this distance, metres."""
+    goal_radius: Positive = 0.8
+    """The navigation target counts as reached within this distance, metres."""
+    goal: Point | None = None
+    """Navigation target (x, y) in the map frame, metres, when no topic gives one."""
+    completion_checks: Annotated[int, Field(ge=1)] = 5
+    """The planner must say so many times in a row, on new maps, that nothing is left before the task ends."""
+    return_home: bool = False
+    """Drive back to where the task began when it is done."""
+    switch_margin: NonNegative = 0.0
+    """A new waypoint replaces one under way only when so many metres of path are saved, against dithering."""
+    autostart: bool = False
+    """Start as soon as map and pose are there, without a command."""
+
+
+class DrivingConfig(Section):
+    """The bridge's own local planner, for robots without one."""
+
+    enabled: bool = False
+    """Publish velocities; otherwise the robot's own stack drives to the waypoints."""
+    message: Literal["Twist", "TwistStamped"] = "Twist"
+    """Type on the velocity topic (nav2 up to jazzy: Twist, from kilted: TwistStamped)."""
+    rate: Positive = 20.0
+    """Control commands per second, Hz."""
+    max_speed: Positive = 1.0
+    """m/s."""
+    max_turn_rate: Positive = 1.5
+    """rad/s."""
+    max_acceleration: Positive = 1.0
+    """m/s2."""
+    max_turn_acceleration: Positive = 3.0
+    """rad/s2."""
+    robot_radius: Positive = 0.25
+    """Radius of the robot's circle, metres."""
+    clearance: NonNegative = 0.05
+    """Room kept beyond the radius, metres."""
+    lookahead: Positive = 0.8
+    """Distance of the point that is steered for, metres."""
+    costmap_size: Positive = 8.0
+    """Side of the local costmap, metres."""
+    costmap_resolution: Positive = 0.05
+    """Cell of the local costmap, metres."""
+
+
+class SafetyConfig(Section):
+    """What makes the robot stop."""
+
+    scan_timeout: Positive = 1.0
+    """Zero velocity when no scan, cloud or map came for so long, seconds."""
+    pose_timeout: Positive = 1.0
+    """Zero velocity when no pose came for so long, seconds."""
+    bridge_timeout: Positive = 0.3
+    """The watchdog sends zero velocity when the bridge was silent for so long, seconds."""
+    zero_for: Positive = 5.0
+    """How long the watchdog goes on sending zeros after the bridge has gone, seconds."""
+    pose_jump: Positive = 1.0
+    """A pose that moves more than this beyond what the speed limit allows between two messages stops the robot, metres."""
+    speed_limit: Positive = 2.0
+    """The watchdog never lets more through, m/s."""
+    turn_limit: Positive = 3.0
+    """The watchdog never lets more through, rad/s."""
+    geofence: tuple[Point, ...] = ()
+    """Polygon (x, y in the map frame) that the robot must not leave; empty for none."""
+    joy_deadband: Fraction = 0.1
+    """A stick axis moved beyond this takes over."""
+    joy_release: Positive = 3.0
+    """The bridge goes on this long after the sticks came to rest, seconds."""
+    progress_time: Positive = 30.0
+    """No new area and no nearer goal for so long counts as no progress, seconds."""
+    blacklist_time: Positive = 120.0
+    """A place that could not be reached is left alone for so long, seconds."""
+
+    @model_validator(mode="after")
+    def _fence_is_polygon(self) -> SafetyConfig:
+        if self.geofence and len(self.geofence) < 3:
+            raise ValueError(
+                f"geofence needs at least 3 corners, got {len(self.geofence)}: add corners or leave it empty"
+            )
+        return self
+
+
+class DeployConfig(Section):
+    """A whole bridge."""
+
+    name: str = "robot"
+    """Name of the robot: its prefix on the bus for commands (`hd/<name>/control`)."""
+    ros: RosConfig = Field(default_factory=RosConfig)
+    """ROS 2 over Zenoh."""
+    frames: FramesConfig = Field(default_factory=FramesConfig)
+    """Coordinate frames."""
+    topics: TopicsConfig = Field(default_factory=TopicsConfig)
+    """Topic names."""
+    mapping: MappingConfig = Field(default_factory=lambda: MappingConfig(resolution=0.2, viewpoint_spacing=1.0))
+    """Belief, viewpoint graph, utility and beacons; the paper's robot has 0.2 m cells and viewpoints 1 m apart."""
+    sensing: SensingConfig = Field(default_factory=SensingConfig)
+    """How sensor messages become the belief."""
+    decision: DecisionConfig = Field(default_factory=DecisionConfig)
+    """What is decided."""
+    driving: DrivingConfig = Field(default_factory=DrivingConfig)
+    """The own local planner."""
+    safety: SafetyConfig = Field(default_factory=SafetyConfig)
+    """What makes the robot stop."""
