@@ -1,4 +1,4 @@
-"""The bridge's configuration tree; the text of a field is its documentation, docs/deploy/parameters.md is made from it."""
+"""The bridge's parameter tree; docs/deploy/parameters.md is made from it, so the text of a field is its reference."""
 
 from __future__ import annotations
 
@@ -242,7 +242,7 @@ class SafetyConfig(Section):
     zero_for: Positive = 5.0
     """How long the watchdog goes on sending zeros after the bridge has gone, seconds."""
     pose_jump: Positive = 1.0
-    """A pose that moves more than this beyond what the speed limit allows between two messages stops the robot, metres."""
+    """A pose that moves farther than the speed limit allows and this between two messages stops the robot, metres."""
     speed_limit: Positive = 2.0
     """The watchdog never lets more through, m/s."""
     turn_limit: Positive = 3.0
