@@ -30,8 +30,8 @@ the learner's resolved configuration over the bus: only the learner is configure
 """
 
 
-def to_toml(config: RunConfig) -> str:
-    """Write a resolved configuration as TOML that `load_config` reads back to the same one."""
+def to_toml(config: BaseModel) -> str:
+    """Write a resolved configuration as TOML that `ConfigTree.load` reads back to the same one."""
     lines: list[str] = []
     plain = {name: value for name, value in _items(config) if not isinstance(value, BaseModel)}
     lines += [_toml_line(name, value) for name, value in plain.items()]
@@ -41,12 +41,14 @@ def to_toml(config: RunConfig) -> str:
     return "\n".join(lines) + "\n"
 
 
-def to_markdown() -> str:
-    """Write the reference of every setting: name, kind, default, meaning."""
+def to_markdown(model: type[BaseModel] = RunConfig) -> str:
+    """Write the reference of every setting of a tree: name, kind, default, meaning."""
     lines = ["| setting | kind | default | meaning |", "| --- | --- | --- | --- |"]
     sections: list[str] = []
-    for name, field in RunConfig.model_fields.items():
+    for name, field in model.model_fields.items():
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            # The field can have other defaults than the section by itself.
+            defaults = field.get_default(call_default_factory=True)
             sections += [
                 "",
                 f"## `{name}`",
@@ -55,9 +57,11 @@ def to_markdown() -> str:
                 "",
                 *lines[:2],
             ]
-            sections += [_row(f"{name}.{key}", item) for key, item in field.annotation.model_fields.items()]
+            sections += [
+                _row(f"{name}.{key}", item, getattr(defaults, key)) for key, item in field.annotation.model_fields.items()
+            ]
         else:
-            lines.append(_row(name, field))
+            lines.append(_row(name, field, field.get_default(call_default_factory=True)))
     return "\n".join(lines + sections) + "\n"
 
 
@@ -71,15 +75,17 @@ def _items(model: BaseModel) -> list[tuple[str, Any]]:
 
 
 def _toml_line(name: str, value: Any) -> str:
-    if value is None:
-        value = "null"
-    if isinstance(value, tuple):
-        value = list(value)
-    return f"{name} = {json.dumps(value, ensure_ascii=False)}"
+    if isinstance(value, dict):
+        inner = ", ".join(f"{_toml_value(key)} = {_toml_value(item)}" for key, item in value.items())
+        return f"{name} = {{{inner}}}"
+    return f"{name} = {_toml_value('null' if value is None else value)}"
 
 
-def _row(name: str, field: FieldInfo) -> str:
-    default = field.get_default(call_default_factory=True)
+def _toml_value(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _row(name: str, field: FieldInfo, default: Any) -> str:
     shown = "not given" if default is None else json.dumps(default)
     meaning = " ".join((field.description or "").split()).replace("|", "\\|")
     return f"| `{name}` | {_kind(field)} | `{shown}` | {meaning} |"
@@ -95,11 +101,20 @@ def _kind(field: FieldInfo) -> str:
         "float": "number",
         "bool": "true or false",
         "str": "text",
-        "tuple": "list of texts",
+        "dict": "table of texts",
+        "tuple[str": "list of texts",
+        "tuple[float": "list of numbers",
+        "tuple[tuple": "list of points",
     }
     kind = next((word for key, word in names.items() if text.removeprefix("<class '").startswith(key)), "")
-    kind = kind or ("number or null" if "float" in text else "text or null")
+    kind = kind or f"{_optional_kind(text)} or null"
     return kind + _bounds(field)
+
+
+def _optional_kind(text: str) -> str:
+    if "tuple" in text:
+        return "list of numbers"
+    return "number" if "float" in text else "text"
 
 
 def _bounds(field: FieldInfo) -> str:

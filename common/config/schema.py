@@ -139,6 +139,9 @@ class NetworkConfig(Section):
     features: Literal["paper", "extended"] = "extended"
     """Node features: `paper`: position, utility, visited, beacon, target; `extended`: also graph distance from the
     robot, degree, distance to the nearest useful viewpoint, on a shortest path to a beacon, all from the belief."""
+    graph: Literal["full", "reduced"] = "full"
+    """Nodes that the network reads: all reachable ones, or only those near the robot, useful ones, beacons and the
+    shortest paths to them: about half as many on public maps."""
 
     @model_validator(mode="after")
     def _heads_divide_width(self) -> NetworkConfig:

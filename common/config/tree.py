@@ -1,0 +1,222 @@
+"""A tree of settings and how it is loaded: preset, file, environment, command line; the later one wins.
+
+Every error names the setting, where its value came from, what was expected and, for a misspelt name, the nearest
+known one.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any, Generic, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from common.errors import ConfigError
+
+M = TypeVar("M", bound=BaseModel)
+
+# Variables beginning with HD_ that are settings of a process, of whatever kind, and not of a tree.
+RESERVED_VARIABLES = frozenset({"HD_LOG_LEVEL", "HD_PROCESS_PREPARED"})
+
+
+@dataclass(frozen=True)
+class ConfigTree(Generic[M]):
+    """One kind of configuration: what it holds, and where its values may come from.
+
+    Attributes:
+        model: root of the tree.
+        subject: whose configuration it is, for messages: ``run``.
+        preset_package: package of the shipped presets.
+        preset_folder: folder of them in that package.
+        preset_word: what a preset is called: ``preset``.
+        prefix: of its environment variables.
+        example: an override, for messages.
+        command: prints the reference of all settings.
+    """
+
+    model: type[M]
+    subject: str
+    preset_package: str
+    preset_folder: str
+    preset_word: str
+    prefix: str
+    example: str
+    command: str
+
+    def preset_names(self) -> list[str]:
+        """Names of the presets that ship with the package."""
+        folder = resources.files(self.preset_package) / self.preset_folder
+        return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
+
+    def load(
+        self,
+        file: Path | None = None,
+        overrides: Sequence[str] = (),
+        environment: Mapping[str, str] | None = None,
+        preset: str | None = None,
+    ) -> M:
+        """Resolve a configuration.
+
+        Args:
+            file: TOML or JSON file with (part of) the tree.
+            overrides: ``section.field=value`` texts of the command line.
+            environment: variables, such as ``HD_LEARNER__BATCH_SIZE=32`` for a run; none when not given.
+            preset: name of a shipped preset that the file builds upon.
+
+        Raises:
+            ConfigError: for anything unknown, malformed or out of range; all problems are listed at once.
+        """
+        tree: dict[str, Any] = {}
+        origin: dict[str, str] = {}
+        if preset is not None:
+            self._merge(tree, self._read_preset(preset), origin, f"{self.preset_word} {preset}")
+        if file is not None:
+            self._merge(tree, _read_file(file), origin, f"file {file}")
+        for path, raw, source in self._environment_settings(environment or {}):
+            self._assign(tree, path, raw, origin, source)
+        for path, raw in map(self._split_override, overrides):
+            self._assign(tree, path, raw, origin, f"command line --set {path}")
+        return self.resolve(tree, origin)
+
+    def resolve(self, tree: Mapping[str, Any], origin: Mapping[str, str] | None = None) -> M:
+        """Validate a plain tree of settings; `origin` says where each value came from."""
+        try:
+            return self.model.model_validate(tree)
+        except ValidationError as error:
+            lines = [self._explain(problem, origin or {}) for problem in error.errors(include_url=False)]
+            raise ConfigError("configuration is not valid:\n" + "\n".join(f"  {line}" for line in lines)) from None
+
+    def field_at(self, path: str) -> FieldInfo | None:
+        """Look a dotted path up in the schema; None when it names no field."""
+        model: type[BaseModel] = self.model
+        field: FieldInfo | None = None
+        parts = path.split(".")
+        for i, part in enumerate(parts):
+            field = model.model_fields.get(part)
+            if field is None:
+                return None
+            if i + 1 < len(parts):
+                if not (isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)):
+                    return None
+                model = field.annotation
+        return field
+
+    def all_fields(self) -> Iterator[tuple[str, FieldInfo]]:
+        """Yield every leaf of the tree as (dotted path, field)."""
+        return _leaves(self.model, "")
+
+    def _read_preset(self, name: str) -> dict[str, Any]:
+        known = self.preset_names()
+        if name not in known:
+            raise ConfigError(f"unknown {self.preset_word} {name!r}: choose one of {', '.join(known)}")
+        folder = resources.files(self.preset_package) / self.preset_folder
+        return tomllib.loads((folder / f"{name}.toml").read_text("utf-8"))
+
+    def _merge(
+        self, tree: dict[str, Any], other: Mapping[str, Any], origin: dict[str, str], source: str, path: str = ""
+    ) -> None:
+        for key, value in other.items():
+            here = f"{path}{key}"
+            if isinstance(value, Mapping) and isinstance(tree.setdefault(key, {}), dict):
+                self._merge(tree[key], value, origin, source, f"{here}.")
+            else:
+                field = self.field_at(here)
+                # TOML knows no null, so its text stands for it where a setting may be null.
+                nullable = field is not None and type(None) in get_args(field.annotation)
+                tree[key] = None if nullable and value == "null" else value
+                origin[here] = source
+
+    def _environment_settings(self, environment: Mapping[str, str]) -> Iterator[tuple[str, str, str]]:
+        for name in sorted(environment):
+            if name.startswith(self.prefix) and name not in RESERVED_VARIABLES:
+                path = name.removeprefix(self.prefix).lower().replace("__", ".")
+                yield path, environment[name], f"environment variable {name}"
+
+    def _split_override(self, text: str) -> tuple[str, str]:
+        path, equals, value = text.partition("=")
+        if not equals or not path.strip():
+            raise ConfigError(f"--set expects section.field=value, such as {self.example}, got {text!r}")
+        return path.strip(), value.strip()
+
+    def _assign(self, tree: dict[str, Any], path: str, raw: str, origin: dict[str, str], source: str) -> None:
+        field = self.field_at(path)
+        if field is None:
+            raise ConfigError(f"{source}: there is no setting {path!r}{self._nearest(path)}")
+        *sections, name = path.split(".")
+        branch = tree
+        for section in sections:
+            branch = branch.setdefault(section, {})
+        branch[name] = _parse(raw, field)
+        origin[path] = source
+
+    def _nearest(self, path: str) -> str:
+        known = [name for name, _ in self.all_fields()]
+        near = difflib.get_close_matches(path, known, n=1, cutoff=0.6)
+        if not near:
+            leaf = path.rsplit(".", 1)[-1]
+            near = [name for name in known if name.rsplit(".", 1)[-1] == leaf][:1]
+        return f": did you mean {near[0]!r}?" if near else f"; `{self.command}` lists all"
+
+    def _explain(self, problem: Any, origin: Mapping[str, str]) -> str:
+        path = ".".join(str(part) for part in problem["loc"])
+        if problem["type"] == "extra_forbidden":
+            source = origin.get(path)
+            return f"{path}: there is no such setting{self._nearest(path)}" + (f" (from {source})" if source else "")
+        field = next((p for p in (path, path.rpartition(".")[0]) if p in origin), None)
+        source = f" (from {origin[field]})" if field else ""
+        message = problem["msg"].removeprefix("Value error, ")
+        got = problem["input"]
+        shown = f", got {got!r}" if not isinstance(got, (dict, BaseModel)) else ""
+        return f"{path or self.subject}: {message[0].lower() + message[1:]}{shown}{source}"
+
+
+def _leaves(model: type[BaseModel], prefix: str) -> Iterator[tuple[str, FieldInfo]]:
+    for name, field in model.model_fields.items():
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            yield from _leaves(field.annotation, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", field
+
+
+def _read_file(file: Path) -> dict[str, Any]:
+    try:
+        text = file.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"cannot read the configuration file {file}: {error}") from None
+    try:
+        tree = json.loads(text) if file.suffix == ".json" else tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, json.JSONDecodeError) as error:
+        raise ConfigError(f"{file} is not valid {'JSON' if file.suffix == '.json' else 'TOML'}: {error}") from None
+    if not isinstance(tree, dict):
+        raise ConfigError(f"{file} must hold a table of settings, got a {type(tree).__name__}")
+    return tree
+
+
+def _parse(raw: str, field: FieldInfo) -> Any:
+    """Turn a setting's text into a plain value; the schema has the last word on it."""
+    kinds = {field.annotation, *get_args(field.annotation)}
+    if type(None) in kinds and raw.lower() in {"null", "none", ""}:
+        return None
+    if any(get_origin(kind) is tuple for kind in kinds):
+        if not raw.startswith("["):
+            return [part.strip() for part in raw.split(",") if part.strip()]
+        try:
+            return json.loads(raw)
+        except json.JSONDecodeError:
+            return raw
+    if kinds & {int, float, bool} or any(get_origin(kind) is not None for kind in kinds):
+        try:
+            return json.loads(raw)
+        except json.JSONDecodeError:
+            return raw
+    choices = get_args(field.annotation)
+    if choices and all(isinstance(choice, int) for choice in choices) and raw.isdigit():
+        return int(raw)
+    return raw
