@@ -27,7 +27,8 @@ from common.geometry import Pose, Scan
 _log = logging.getLogger(__name__)
 
 _STEPS_PER_COMMAND = 4
-_INTERVAL = _STEPS_PER_COMMAND * TIME_STEP
+CONTROL_INTERVAL = _STEPS_PER_COMMAND * TIME_STEP
+"""Simulated seconds between two commands to the wheel motors."""
 _SOLVER_ITERATIONS = 20
 _SETTLING_TIME = 0.1
 _CONTACT_GAP = 0.25  # seconds without contact after which a touch is a new collision
@@ -74,6 +75,16 @@ class DynamicSimulator:
         """Where the robot stands."""
         return self._loaded()[0].pose
 
+    @property
+    def collisions(self) -> int:
+        """Contacts with the world that began since the last `reset`, `place` or begin of `drive_to`."""
+        return self._collisions
+
+    @property
+    def lidar_height(self) -> float:
+        """Height of the lidar above the floor, metres."""
+        return self._loaded()[0].lidar_height
+
     def reset(self, world: GridMap, seed: int) -> Pose:
         """Load a world, put the robot on its start and return its pose.
 
@@ -82,7 +93,7 @@ class DynamicSimulator:
         """
         self.physics.load(world)
         pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=_INTERVAL,
+            fixedTimeStep=CONTROL_INTERVAL,
             numSubSteps=_STEPS_PER_COMMAND,
             numSolverIterations=_SOLVER_ITERATIONS,
             physicsClientId=self.physics.client,
@@ -106,8 +117,8 @@ class DynamicSimulator:
         x, y = nearest_clear(world, check_free(world, pose).position, robot.radius + _MARGIN)
         robot.place(Pose(x, y, pose.yaw))
         self._last_contact = -math.inf
-        for _ in range(round(_SETTLING_TIME / _INTERVAL)):
-            self._advance(0.0, 0.0)
+        for _ in range(round(_SETTLING_TIME / CONTROL_INTERVAL)):
+            self.advance(0.0, 0.0)
         self._collisions = 0
 
     def scan(self) -> Scan:
@@ -115,10 +126,10 @@ class DynamicSimulator:
         robot, _ = self._loaded()
         return self._lidar.sense(self.physics.client, robot.body, robot.lidar)
 
-    def point_cloud(self) -> NDArray[np.float64]:
-        """Return the lidar points of the last scan, metres, map frame, shape (n, 3)."""
+    def point_cloud(self, *, in_sensor: bool = False) -> NDArray[np.float64]:
+        """Return the lidar points of the last scan, metres, map frame or the lidar's own, shape (n, 3)."""
         self._loaded()
-        return self._lidar.point_cloud()
+        return self._lidar.point_cloud(in_sensor=in_sensor)
 
     def drive_to(self, waypoint: tuple[float, float]) -> Leg:
         """Drive along the straight segment to a waypoint and stop there.
@@ -142,7 +153,7 @@ class DynamicSimulator:
         self._collisions = 0
         while not tracker.at_goal(pose) and self._time < deadline:
             before = pose
-            pose = self._advance(*tracker.command(pose, _INTERVAL))
+            pose = self.advance(*tracker.command(pose, CONTROL_INTERVAL))
             travelled += before.distance_to(pose.position)
             if self._time >= next_scan - 0.5 * TIME_STEP:
                 sensed.append((pose, self.scan()))
@@ -164,22 +175,22 @@ class DynamicSimulator:
             sensed=sensed,
         )
 
-    def close(self) -> None:
-        """Shut the physics server down; safe to call twice."""
-        self._robot = None
-        self.physics.close()
+    def advance(self, speed: float, turn_rate: float) -> Pose:
+        """Drive for one `CONTROL_INTERVAL` and return the pose; `drive_to` is made of such steps.
 
-    def _loaded(self) -> tuple[Robot, GridMap]:
-        if self._robot is None or self._world is None:
-            raise SimulatorError("the simulator has no world: call reset(world, seed) first")
-        return self._robot, self._world
+        The wheel motors follow at once, up to their torque: whoever commands limits accelerations.
 
-    def _advance(self, speed: float, turn_rate: float) -> Pose:
-        """Drive for one control interval and return the pose; counts collisions and checks the robot's state."""
+        Args:
+            speed: forwards, m/s.
+            turn_rate: counter-clockwise, rad/s.
+
+        Raises:
+            SimulatorError: the robot tipped over or fell out of the world.
+        """
         robot, world = self._loaded()
         robot.command(speed, turn_rate)
         pybullet.stepSimulation(physicsClientId=self.physics.client)
-        self._time += _INTERVAL
+        self._time += CONTROL_INTERVAL
         pose, height, tilt = robot.state()
         if not (abs(height) < _LARGEST_RISE and tilt < _LARGEST_TILT):
             raise SimulatorError(
@@ -191,21 +202,31 @@ class DynamicSimulator:
                 self._collisions += 1
             self._last_contact = self._time
         if self._clock is not None:
-            self._clock.advance(_INTERVAL)
+            self._clock.advance(CONTROL_INTERVAL)
             follow_with_camera(self.physics.client, pose)
         return pose
+
+    def close(self) -> None:
+        """Shut the physics server down; safe to call twice."""
+        self._robot = None
+        self.physics.close()
+
+    def _loaded(self) -> tuple[Robot, GridMap]:
+        if self._robot is None or self._world is None:
+            raise SimulatorError("the simulator has no world: call reset(world, seed) first")
+        return self._robot, self._world
 
     def _stop(self) -> float:
         """Brake until the robot stands; return the distance that it took, metres."""
         robot, _ = self._loaded()
         pose = robot.pose
         travelled = 0.0
-        for _ in range(round(1.0 / _INTERVAL)):
+        for _ in range(round(1.0 / CONTROL_INTERVAL)):
             speed, turn_rate = robot.velocity()
             if speed < _STANDING_SPEED and abs(turn_rate) < _STANDING_TURN:
                 break
             before = pose
-            pose = self._advance(0.0, 0.0)
+            pose = self.advance(0.0, 0.0)
             travelled += before.distance_to(pose.position)
         return travelled
 
@@ -217,9 +238,9 @@ class DynamicSimulator:
         _log.debug("robot blocked at %s: backing off", robot.pose)
         pose = robot.pose
         travelled = 0.0
-        for _ in range(round(_BACK_OFF_DISTANCE / _BACK_OFF_SPEED / _INTERVAL)):
+        for _ in range(round(_BACK_OFF_DISTANCE / _BACK_OFF_SPEED / CONTROL_INTERVAL)):
             before = pose
-            pose = self._advance(-_BACK_OFF_SPEED, 0.0)
+            pose = self.advance(-_BACK_OFF_SPEED, 0.0)
             travelled += before.distance_to(pose.position)
         return travelled + self._stop()
 

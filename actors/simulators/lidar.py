@@ -77,8 +77,11 @@ class Lidar:
         self._ranges, self._frame = ranges, (np.array(state[0]), rotation)
         return self._beams.to_scan(ranges if self._layers == 1 else self._project(ranges, rotation, state[0][2]))
 
-    def point_cloud(self) -> NDArray[np.float64]:
-        """Return the points of the last scan, metres, map frame, shape (n, 3); beams without return are left out.
+    def point_cloud(self, *, in_sensor: bool = False) -> NDArray[np.float64]:
+        """Return the points of the last scan, metres, shape (n, 3); beams without return are left out.
+
+        Args:
+            in_sensor: in the lidar's own frame, tilted as it is; in the map frame otherwise.
 
         Raises:
             SimulatorError: there was no scan since the reset.
@@ -87,7 +90,8 @@ class Lidar:
             raise SimulatorError("there is no point cloud before the first scan: call scan() first")
         origin, rotation = self._frame
         met = np.isfinite(self._ranges)
-        return origin + (self._directions[met] * self._ranges[met, None]) @ rotation.T
+        points: NDArray[np.float64] = self._directions[met] * self._ranges[met, None]
+        return points if in_sensor else origin + points @ rotation.T
 
     def _project(
         self, ranges: NDArray[np.float64], rotation: NDArray[np.float64], height: float

@@ -76,6 +76,11 @@ class Robot:
         self.command(0.0, 0.0)
 
     @property
+    def lidar_height(self) -> float:
+        """Height of the lidar above the floor, metres."""
+        return self._centre_height + self._lidar_above_centre
+
+    @property
     def pose(self) -> Pose:
         """Where the robot stands, map frame."""
         return self.state()[0]

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("pybullet", reason="PyBullet is not installed")
 
 from actors.simulators.bullet import pybullet
-from actors.simulators.dynamic import DynamicSimulator
+from actors.simulators.dynamic import CONTROL_INTERVAL, DynamicSimulator
 from actors.simulators.physics_world import PhysicsWorld
 from actors.simulators.robot import Robot
 from common.config.schema import SimulatorConfig
@@ -170,9 +170,41 @@ def test_the_robot_does_not_drift_while_it_stands(make):
     sim = make()
     before = sim.reset(hall(), seed=0)
     for _ in range(600):
-        sim._advance(0.0, 0.0)
+        sim.advance(0.0, 0.0)
     assert before.distance_to(sim.pose.position) < 1e-3
     assert abs(sim.pose.yaw - before.yaw) < 1e-3
+
+
+def test_a_robot_driven_by_velocities_goes_where_they_lead(make):
+    sim = make()
+    start = sim.reset(hall(), seed=0)
+    for _ in range(round(3.0 / CONTROL_INTERVAL)):
+        pose = sim.advance(1.0, 0.5)
+    assert pose == sim.pose
+    # An arc of 1.5 rad with a radius of 2 m.
+    assert pose.yaw == pytest.approx(1.5, abs=0.1)
+    assert pose.x - start.x == pytest.approx(2.0 * math.sin(1.5), abs=0.25)
+    assert pose.y - start.y == pytest.approx(2.0 * (1.0 - math.cos(1.5)), abs=0.25)
+    assert sim.collisions == 0
+    for _ in range(round(20.0 / CONTROL_INTERVAL)):
+        sim.advance(1.0, 0.0)
+    assert sim.collisions == 1
+
+
+def test_the_cloud_comes_in_the_frame_that_is_asked_for(make):
+    sim = make(lidar_layers=16, rays=90)
+    sim.reset(hall(), seed=0)
+    for _ in range(60):
+        sim.advance(0.0, 1.0)
+    sim.scan()
+    pose, height = sim.pose, sim.lidar_height
+    assert height == pytest.approx(0.45, abs=0.01)
+    ours = sim.point_cloud(in_sensor=True)
+    cosine, sine = math.cos(pose.yaw), math.sin(pose.yaw)
+    turned = ours[:, :2] @ np.array([[cosine, sine], [-sine, cosine]]) + pose.position
+    cloud = sim.point_cloud()
+    assert np.abs(turned - cloud[:, :2]).max() < 0.1
+    assert np.abs(ours[:, 2] + height - cloud[:, 2]).max() < 0.1
 
 
 def test_memory_does_not_grow_with_resets(make):
