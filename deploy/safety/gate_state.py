@@ -1,0 +1,63 @@
+"""What the watchdog says about itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class GateMode(StrEnum):
+    """What the watchdog does with the velocity topic, in the order of precedence."""
+
+    EMERGENCY_STOP = "emergency_stop"
+    """Zeros until the latch is released."""
+    OVERRIDDEN = "overridden"
+    """An operator moves the sticks: zeros for a moment, then silence, so that theirs are the only velocities."""
+    BRIDGE_GONE = "bridge_gone"
+    """Zeros for `safety.zero_for`, then the watchdog ends."""
+    BRIDGE_SILENT = "bridge_silent"
+    """Zeros: the bridge lives but says nothing."""
+    SENSOR_STALE = "sensor_stale"
+    """Zeros: no scan, cloud or map came for too long."""
+    POSE_STALE = "pose_stale"
+    """Zeros: no pose came for too long."""
+    HELD = "held"
+    """Zeros: the bridge asked for them."""
+    WISH_STALE = "wish_stale"
+    """Zeros: the bridge drives, but its last wish is too old."""
+    CLEAR = "clear"
+    """The bridge's wishes pass, or, when the robot's own stack drives, nothing is sent."""
+
+
+@dataclass(frozen=True, slots=True)
+class GateState:
+    """The state of the watchdog.
+
+    Attributes:
+        mode: what it does.
+        reason: why, in words for the operator.
+        emergency_stop: the stop is latched.
+        overridden: an operator has taken over.
+        sensor_age: seconds since the last scan, cloud or map; None before the first.
+        pose_age: seconds since the last pose; None before the first.
+        linear: last velocity sent, m/s.
+        angular: last velocity sent, rad/s.
+        clipped: the last wish was beyond the limits.
+        alive: the watchdog process runs and reports.
+    """
+
+    mode: GateMode
+    reason: str
+    emergency_stop: bool = False
+    overridden: bool = False
+    sensor_age: float | None = None
+    pose_age: float | None = None
+    linear: float = 0.0
+    angular: float = 0.0
+    clipped: bool = False
+    alive: bool = True
+
+    @property
+    def clear(self) -> bool:
+        """Whether the robot may move by the bridge's will."""
+        return self.alive and self.mode is GateMode.CLEAR
