@@ -94,8 +94,8 @@ class Policy:
             ValueError: there is no beacon or no waypoint to choose.
         """
         graph = GraphArrays.from_observations(ObservationBatch.stack([observation]), self.config)
-        waypoints = graph.waypoint_rows
-        beacons = graph.beacon_rows if graph.has_beacons else observation.beacon_nodes()
+        waypoints = graph.nodes[graph.waypoint_rows]
+        beacons = graph.nodes[graph.beacon_rows] if graph.has_beacons else observation.beacon_nodes()
         if len(waypoints) == 0 or len(beacons) == 0:
             raise ValueError(
                 f"an observation needs a beacon and a waypoint to decide, got {len(beacons)} beacons and "

@@ -58,7 +58,8 @@ def to_markdown(model: type[BaseModel] = RunConfig) -> str:
                 *lines[:2],
             ]
             sections += [
-                _row(f"{name}.{key}", item, getattr(defaults, key)) for key, item in field.annotation.model_fields.items()
+                _row(f"{name}.{key}", item, getattr(defaults, key))
+                for key, item in field.annotation.model_fields.items()
             ]
         else:
             lines.append(_row(name, field, field.get_default(call_default_factory=True)))

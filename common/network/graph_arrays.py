@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.config.schema import NetworkConfig
-from common.features import node_features
+from common.features import FEATURE_NAMES, feature_count, node_features
 from common.jit import njit
+from common.network.reduction import kept_rows, renumbered
 from common.observation import NEIGHBOUR_COUNT, ObservationBatch
 from common.observation_index import neighbour_table
 
+_BEACON = FEATURE_NAMES["paper"].index("beacon")
 SELF_SLOT = NEIGHBOUR_COUNT
 LINK_SLOT = NEIGHBOUR_COUNT + 1
 SLOTS = NEIGHBOUR_COUNT + 2
@@ -21,6 +23,9 @@ SLOTS = NEIGHBOUR_COUNT + 2
 @dataclass(frozen=True, slots=True, eq=False)
 class GraphArrays:
     """k observations as packed nodes; rows count the nodes of all observations, targets included.
+
+    A network on the reduced graph reads only some nodes (see `common.network.reduction`): rows count these, `nodes`
+    tells which they are, and choices are still told by the node numbers of the observation.
 
     The variant `vanilla` chooses no beacon: its beacon set is one dummy slot per observation, whose row is the
     robot's, so that every table and loss keeps one form.
@@ -40,6 +45,7 @@ class GraphArrays:
         pairs: (observation, beacon slot, waypoint slot) of every pair, the waypoint running fastest, int64,
             shape (total pairs, 3).
         pair_ptr: first pair of each observation, then their number, int64, shape (k + 1,).
+        nodes: node number, within its observation, of each row, int64, shape (nodes,).
         has_beacons: False for `vanilla`.
     """
 
@@ -53,6 +59,7 @@ class GraphArrays:
     waypoint_ptr: NDArray[np.int64]
     pairs: NDArray[np.int64]
     pair_ptr: NDArray[np.int64]
+    nodes: NDArray[np.int64]
     has_beacons: bool
 
     def __len__(self) -> int:
@@ -69,15 +76,27 @@ class GraphArrays:
             batch.count, table, batch.has_target, batch.link_count, batch.target_links, node_ptr, neighbours
         )
         robot_rows = node_ptr[:-1] + batch.robot
+        nodes = np.arange(len(neighbours)) - np.repeat(node_ptr[:-1], np.diff(node_ptr))
+        if config.graph == "reduced":
+            features = node_features(batch, neighbours, node_ptr, "extended")
+            kept = kept_rows(features, neighbours, robot_rows)
+            place = np.where(kept, np.cumsum(kept) - 1, -1)
+            neighbours = renumbered(neighbours, kept, place)
+            features = np.ascontiguousarray(features[kept, : feature_count(config.features)])
+            node_ptr = np.append(0, np.cumsum(kept))[node_ptr]
+            nodes, robot_rows = nodes[kept], place[robot_rows]
+        else:
+            features = node_features(batch, neighbours, node_ptr, config.features)
         hierarchical = config.variant != "vanilla"
         if hierarchical:
-            beacon_rows, beacon_ptr = _beacon_sets(batch.count, batch.beacon, batch.target_known, node_ptr)
+            beacon_rows = np.flatnonzero(features[:, _BEACON] > 0.0)
+            beacon_ptr = np.searchsorted(beacon_rows, node_ptr)
         else:
             beacon_rows, beacon_ptr = robot_rows.copy(), np.arange(len(batch) + 1)
         waypoint_rows, waypoint_ptr = _waypoint_sets(neighbours, robot_rows, batch.has_target & batch.target_known)
         pairs, pair_ptr = _pair_table(beacon_ptr, waypoint_ptr)
         return cls(
-            features=node_features(batch, neighbours, node_ptr, config.features),
+            features=features,
             neighbours=neighbours,
             node_ptr=node_ptr,
             robot_rows=robot_rows,
@@ -87,6 +106,7 @@ class GraphArrays:
             waypoint_ptr=waypoint_ptr,
             pairs=pairs,
             pair_ptr=pair_ptr,
+            nodes=nodes,
             has_beacons=hierarchical,
         )
 
@@ -125,10 +145,10 @@ class GraphArrays:
     def _slots(
         self, nodes: NDArray[np.int32], rows: NDArray[np.int64], ptr: NDArray[np.int64], what: str
     ) -> NDArray[np.int64]:
-        slots = _find_slots(np.asarray(nodes, dtype=np.int64), self.node_ptr, rows, ptr)
+        slots = _find_slots(np.asarray(nodes, dtype=np.int64), self.nodes, rows, ptr)
         if len(slots) and slots.min() < -1:
             bad = int(np.argmin(slots))
-            valid = (rows[ptr[bad] : ptr[bad + 1]] - self.node_ptr[bad]).tolist()
+            valid = self.nodes[rows[ptr[bad] : ptr[bad + 1]]].tolist()
             raise ValueError(
                 f"observation {bad} of the batch: node {int(nodes[bad])} is no {what} of it; the {what}s are {valid}"
             )
@@ -164,30 +184,6 @@ def _fill_neighbours(
                 neighbours[linked, LINK_SLOT] = target
         view += count[g]
         link += link_count[g]
-
-
-@njit(cache=True, nogil=True)
-def _beacon_sets(
-    count: NDArray[np.int32],
-    beacon: NDArray[np.bool_],
-    target_known: NDArray[np.bool_],
-    node_ptr: NDArray[np.int64],
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    rows = np.empty(beacon.sum() + target_known.sum(), dtype=np.int64)
-    ptr = np.zeros(len(count) + 1, dtype=np.int64)
-    view = 0
-    slot = 0
-    for g in range(len(count)):
-        for i in range(count[g]):
-            if beacon[view + i]:
-                rows[slot] = node_ptr[g] + i
-                slot += 1
-        if target_known[g]:
-            rows[slot] = node_ptr[g] + count[g]
-            slot += 1
-        view += count[g]
-        ptr[g + 1] = slot
-    return rows[:slot], ptr
 
 
 @njit(cache=True, nogil=True)
@@ -232,7 +228,7 @@ def _pair_table(
 
 @njit(cache=True, nogil=True)
 def _find_slots(
-    nodes: NDArray[np.int64], node_ptr: NDArray[np.int64], rows: NDArray[np.int64], ptr: NDArray[np.int64]
+    nodes: NDArray[np.int64], of_rows: NDArray[np.int64], rows: NDArray[np.int64], ptr: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Find one node per observation; -1 for node -1, -2 where it is not in the set."""
     slots = np.full(len(nodes), -2, dtype=np.int64)
@@ -240,6 +236,6 @@ def _find_slots(
         if nodes[g] == -1:
             slots[g] = -1
         for slot in range(ptr[g], ptr[g + 1]):
-            if rows[slot] == node_ptr[g] + nodes[g]:
+            if of_rows[rows[slot]] == nodes[g]:
                 slots[g] = slot
     return slots
