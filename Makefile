@@ -43,6 +43,7 @@ format: $(STAMP)  ## put the code into its format
 
 docs: $(STAMP)  ## write the pages that are made from the code
 	$(BIN)/python -c "from pathlib import Path; from common.config.describe import documentation; Path('docs/configuration.md').write_text(documentation(), 'utf-8')"
+	$(BIN)/python -c "from pathlib import Path; from deploy.profiles import documentation; Path('docs/deploy/parameters.md').write_text(documentation(), 'utf-8')"
 
 bench: $(STAMP)  ## measure: decision step, simulators, inference, actors, updates, ingest, memory
 	$(BIN)/python -m benchmarks

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from common.config.schema import Fraction, MappingConfig, Positive, Section
+from common.ids import ID_PATTERN
 
 Point = tuple[float, float]
 NonNegative = Annotated[float, Field(ge=0.0)]
@@ -67,7 +68,7 @@ class TopicsConfig(Section):
     start: str = "/start_exploration"
     """IN std_msgs/Bool: true starts."""
     command: str = "/hd/command"
-    """IN std_msgs/String: start, pause, resume, abort, return_home, reset."""
+    """IN std_msgs/String: start, pause, resume, abort, return_home, reset, stop, release, status, `goal X Y`."""
     emergency_stop: str = "/hd/emergency_stop"
     """IN std_msgs/Bool: true latches the stop, whoever publishes it; only `hd-deploy command release` releases it."""
     joy: str = "/joy"
@@ -88,6 +89,8 @@ class TopicsConfig(Section):
     """OUT visualization_msgs/MarkerArray: graph, frontiers, beacons, attention."""
     belief: str = "/hd/belief"
     """OUT nav_msgs/OccupancyGrid, transient local: what the planner believes."""
+    watchdog: str = "/hd/watchdog"
+    """OUT std_msgs/String, transient local: JSON of the watchdog's mode, reason and ages of what it hears."""
     velocity: str = "/cmd_vel"
     """OUT geometry_msgs/Twist or TwistStamped: owned by the watchdog process."""
     stop: str = ""
@@ -176,13 +179,14 @@ class DecisionConfig(Section):
     planner: str = "greedy"
     """Name of the planner (`hd-eval planners`); `hdplanner` for a trained policy."""
     policy: str | None = None
-    """Weights of `hdplanner`: a .safetensors or .onnx file with its card; the shipped ones when not given."""
+    """Weights of `hdplanner`: a .safetensors file with its card, as `hd-learner export` writes them."""
     live_run: str | None = None
     """Take weights live from the learner of this run (`hd/<run>/weights`), only when named here."""
     live_connect: tuple[str, ...] = ()
     """Endpoints of that learner."""
-    fallback: str = "nearest"
-    """Classical planner that takes over when the planner fails, loops or makes no progress."""
+    fallback: str | None = None
+    """Classical planner that takes over when the planner fails, loops or makes no progress; `nearest` for exploration
+    and `astar` for navigation when not given."""
     rate: Positive = 2.0
     """Decisions per second at least, besides those on arrival, Hz."""
     arrival_radius: Positive = 0.5
@@ -251,6 +255,8 @@ class SafetyConfig(Section):
     """Polygon (x, y in the map frame) that the robot must not leave; empty for none."""
     joy_deadband: Fraction = 0.1
     """A stick axis moved beyond this takes over."""
+    joy_axes: tuple[Annotated[int, Field(ge=0)], ...] = (0, 1, 3, 4)
+    """Axes of the joystick that are sticks; empty for all. A game pad's triggers rest at 1 and must not be here."""
     joy_release: Positive = 3.0
     """The bridge goes on this long after the sticks came to rest, seconds."""
     progress_time: Positive = 30.0
@@ -271,7 +277,7 @@ class DeployConfig(Section):
     """A whole bridge."""
 
     name: str = "robot"
-    """Name of the robot: its prefix on the bus for commands (`hd/<name>/control`)."""
+    """Name of the robot: its prefix on the bus for commands (`hd/<name>/control`); letters a-z, digits, dashes."""
     ros: RosConfig = Field(default_factory=RosConfig)
     """ROS 2 over Zenoh."""
     frames: FramesConfig = Field(default_factory=FramesConfig)
@@ -288,3 +294,10 @@ class DeployConfig(Section):
     """The own local planner."""
     safety: SafetyConfig = Field(default_factory=SafetyConfig)
     """What makes the robot stop."""
+
+    @field_validator("name")
+    @classmethod
+    def _name_is_an_id(cls, value: str) -> str:
+        if not ID_PATTERN.fullmatch(value):
+            raise ValueError("use 1 to 64 lower-case letters, digits and dashes, such as 'robot-2'")
+        return value

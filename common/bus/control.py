@@ -1,9 +1,9 @@
-"""Commands to the learner, each acknowledged: status, pause, resume, checkpoint, stop."""
+"""Commands to a learner or a robot, each acknowledged."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import zenoh
@@ -11,7 +11,7 @@ import zenoh
 from common.bus.keys import Keys, last_part
 from common.bus.query import QueryServer, ask_until_answered
 from common.errors import BusError, HDError, MessageError
-from common.messages.replies import ControlReply, ControlRequest
+from common.messages.replies import VERBS, ControlReply, ControlRequest
 from common.messages.schema import MAX_SMALL, decode, encode
 
 log = logging.getLogger(__name__)
@@ -26,19 +26,30 @@ class ControlServer(QueryServer):
             ...
 
     Args:
-        session: the learner's session.
-        run: name of the run.
-        handle: carries out a command and returns the learner's state, ready for JSON. An HDError that it raises
+        session: the learner's or robot's session.
+        run: name of the run, or of the robot.
+        handle: carries out a command and returns the state after it, ready for JSON. An HDError that it raises
             goes to the asker as the answer.
+        verbs: commands that are known here; others are refused.
     """
 
-    def __init__(self, session: zenoh.Session, run: str, handle: Callable[[ControlRequest], Mapping[str, Any]]) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        run: str,
+        handle: Callable[[ControlRequest], Mapping[str, Any]],
+        verbs: Sequence[str] = VERBS,
+    ) -> None:
         self._handle = handle
+        self._verbs = verbs
         super().__init__(session, Keys(run).all_control, self._serve)
 
     def _serve(self, query: zenoh.Query) -> None:
         try:
-            reply = ControlReply(True, "", self._handle(_read(query)))
+            command = _read(query)
+            if command.verb not in self._verbs:
+                raise HDError(f"a command must be one of {', '.join(self._verbs)}, got {command.verb!r}")
+            reply = ControlReply(True, "", self._handle(command))
         except HDError as error:
             log.warning("command %s: %s", last_part(str(query.key_expr)), error)
             reply = ControlReply(False, str(error)[:1000], {})
@@ -51,18 +62,20 @@ def request(
     verb: str,
     timeout: float = 5.0,
     arguments: Mapping[str, Any] | None = None,
+    asked: str = "learner of the run",
 ) -> dict[str, Any]:
-    """Send a command and return the learner's state after it.
+    """Send a command and return the state after it.
 
     Args:
         session: an open session.
-        run: name of the run.
-        verb: status, pause, resume, checkpoint or stop; each may be repeated without harm.
+        run: name of the run, or of the robot.
+        verb: one of `VERBS`, or of `ROBOT_VERBS` for a robot; each may be repeated without harm.
         timeout: seconds.
-        arguments: JSON object; empty for the verbs of this version.
+        arguments: JSON object; see `ControlRequest`.
+        asked: who is asked, for messages.
 
     Raises:
-        BusError: when no learner answers in time, or it answers with an error.
+        BusError: when nobody answers in time, or the answer is an error.
         MessageError: when the answer is invalid.
     """
     data = encode(ControlRequest(verb, arguments or {}))
@@ -71,11 +84,10 @@ def request(
             continue
         answer = decode(reply.ok.payload.to_bytes(), ControlReply)
         if not answer.ok:
-            raise BusError(f"the learner of {run!r} refused {verb!r}: {answer.error}")
+            raise BusError(f"the {asked} {run!r} refused {verb!r}: {answer.error}")
         return dict(answer.body)
     raise BusError(
-        f"no learner of the run {run!r} answered within {timeout:g} s: check that it runs and that the endpoint is "
-        "right"
+        f"no {asked} {run!r} answered within {timeout:g} s: check that it runs and that the endpoint is right"
     )
 
 

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 from common.errors import BusError
 from common.ids import check_id
-from common.messages.replies import VERBS
+from common.messages.replies import ALL_VERBS
 
 Role = Literal["learner", "actor", "robot", "evaluator"]
 ROLES: tuple[Role, ...] = get_args(Role)
@@ -72,9 +72,9 @@ class Keys:
         return f"hd/{self.run}/stats/*/*"
 
     def control(self, verb: str) -> str:
-        """Commands to the learner."""
-        if verb not in VERBS:
-            raise BusError(f"a command must be one of {', '.join(VERBS)}, got {verb!r}")
+        """Commands to the learner, or to the robot of this name."""
+        if verb not in ALL_VERBS:
+            raise BusError(f"a command must be one of {', '.join(ALL_VERBS)}, got {verb!r}")
         return f"hd/{self.run}/control/{verb}"
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 from typing import Any
 
@@ -53,7 +54,7 @@ def to_markdown(model: type[BaseModel] = RunConfig) -> str:
                 "",
                 f"## `{name}`",
                 "",
-                f"{(field.annotation.__doc__ or '').strip()}",
+                inspect.cleandoc(field.annotation.__doc__ or ""),
                 "",
                 *lines[:2],
             ]

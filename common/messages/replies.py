@@ -46,11 +46,11 @@ class Spec:
 
 @dataclass(frozen=True, slots=True)
 class ControlRequest:
-    """A command to the learner.
+    """A command to a learner or a robot.
 
     Attributes:
-        verb: one of `VERBS`.
-        arguments: JSON object; empty for the verbs of this version.
+        verb: one of `VERBS` for a learner, of `ROBOT_VERBS` for a robot.
+        arguments: JSON object; empty but for a robot's ``goal`` (``x``, ``y``, metres) and ``stop`` (``reason``).
     """
 
     verb: str
@@ -59,12 +59,12 @@ class ControlRequest:
 
 @dataclass(frozen=True, slots=True)
 class ControlReply:
-    """The learner's answer to a command.
+    """The answer to a command.
 
     Attributes:
         ok: the command was carried out.
         error: why not; empty when it was.
-        body: JSON object, the state of the learner after the command.
+        body: JSON object, the state of the learner or robot after the command.
     """
 
     ok: bool
@@ -73,3 +73,5 @@ class ControlReply:
 
 
 VERBS = ("status", "pause", "resume", "checkpoint", "stop")
+ROBOT_VERBS = ("status", "start", "pause", "resume", "abort", "return_home", "reset", "goal", "stop", "release")
+ALL_VERBS = tuple(dict.fromkeys(VERBS + ROBOT_VERBS))

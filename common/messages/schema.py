@@ -13,7 +13,7 @@ from common.messages.codec import pack, unpack
 from common.messages.experience import Delivery
 from common.messages.experience_codec import MAX_INCARNATION, delivery_fields, read_delivery
 from common.messages.fields import Fields
-from common.messages.replies import PROTOCOL_VERSION, VERBS, Ack, ControlReply, ControlRequest, Spec
+from common.messages.replies import ALL_VERBS, PROTOCOL_VERSION, Ack, ControlReply, ControlRequest, Spec
 from common.messages.stats import ActorStats, LearnerStats
 from common.messages.weights import FLOATS, Weights, WeightsNotice
 
@@ -183,7 +183,7 @@ def _write_request(request: ControlRequest) -> dict[str, Any]:
 
 
 def _read_request(fields: Fields) -> ControlRequest:
-    return ControlRequest(verb=fields.word("verb", *VERBS), arguments=fields.document("arguments"))
+    return ControlRequest(verb=fields.word("verb", *ALL_VERBS), arguments=fields.document("arguments"))
 
 
 def _write_reply(reply: ControlReply) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from common.bus.session import open_client_session, open_learner_session
 from common.bus.stats import StatsTable, publish_stats
 from common.errors import BusError, HDError, MessageError
 from common.messages.codec import pack
-from common.messages.replies import ControlReply, ControlRequest
+from common.messages.replies import ROBOT_VERBS, ControlReply, ControlRequest
 from common.messages.schema import decode, encode
 from tests.common.bus.processes import eventually, loopback
 from tests.common.messages import samples
@@ -90,6 +90,19 @@ def test_commands_are_acknowledged_with_the_state_after_them(sessions):
             request(client, "run", "checkpoint")
         with pytest.raises(BusError, match="must be one of"):
             request(client, "run", "explode")
+
+
+def test_a_robot_knows_verbs_of_its_own_and_a_learner_does_not(sessions):
+    learner, client = sessions
+    with (
+        ControlServer(learner, "run", lambda command: {}),
+        ControlServer(learner, "r2", lambda command: dict(command.arguments), verbs=ROBOT_VERBS),
+    ):
+        assert request(client, "r2", "goal", arguments={"x": 1.5, "y": 2.0}, asked="robot") == {"x": 1.5, "y": 2.0}
+        with pytest.raises(BusError, match="the robot 'r2' refused 'checkpoint': a command must be one of status, start"):
+            request(client, "r2", "checkpoint", asked="robot")
+        with pytest.raises(BusError, match="refused 'return_home'"):
+            request(client, "run", "return_home")
 
 
 def test_a_command_without_a_learner_says_what_to_check(sessions):

@@ -1,0 +1,99 @@
+"""Profiles, precedence and messages of a robot's parameters, and the page that documents them."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from common.config.describe import to_toml
+from common.config.load import load_config
+from common.errors import ConfigError
+from deploy.config import DeployConfig
+from deploy.profiles import DEPLOY, documentation, load_deploy_config
+
+PAGE = Path(__file__).parents[2] / "docs" / "deploy" / "parameters.md"
+
+
+def test_the_page_of_parameters_is_current():
+    assert PAGE.read_text("utf-8") == documentation(), "run `make docs`"
+
+
+def test_every_parameter_is_documented():
+    page = documentation()
+    for path, field in DEPLOY.all_fields():
+        assert field.description, path
+        assert f"`{path}`" in page
+
+
+@pytest.mark.parametrize("name", DEPLOY.preset_names())
+def test_every_profile_is_valid_and_reads_back(name, tmp_path):
+    config = load_deploy_config(profile=name)
+    file = tmp_path / "robot.toml"
+    file.write_text(to_toml(config))
+    assert load_deploy_config(file) == config
+    assert DEPLOY.resolve(json.loads(config.model_dump_json())) == config
+
+
+def test_later_sources_win_over_earlier_ones(tmp_path):
+    file = tmp_path / "robot.toml"
+    file.write_text("[decision]\nplanner = 'tare'\nrate = 3.0\n[topics]\nwaypoint = '/goal'\n")
+    environment = {"HDROBOT_DECISION__RATE": "4", "HDROBOT_SAFETY__SPEED_LIMIT": "0.5", "HD_LEARNER__THREADS": "4"}
+    config = load_deploy_config(file, ["safety.speed_limit=0.25"], environment, "cmu")
+    assert config.decision.planner == "tare"
+    assert config.decision.rate == 4.0
+    assert config.safety.speed_limit == 0.25
+    assert config.topics.waypoint == "/goal"
+    assert config.topics.odometry == "/state_estimation"
+
+
+def test_variables_of_a_robot_are_none_of_a_run():
+    assert load_config(environment={"HDROBOT_DECISION__RATE": "4"}).name == "default"
+
+
+def test_the_profile_is_bare_when_none_is_named():
+    assert load_deploy_config() == load_deploy_config(profile="bare")
+    assert load_deploy_config().driving.enabled
+
+
+@pytest.mark.parametrize(
+    ("override", "value"),
+    [
+        ("decision.goal=3.5,-2", (3.5, -2.0)),
+        ("decision.goal=[3.5, -2]", (3.5, -2.0)),
+        ("decision.goal=null", None),
+        ("safety.geofence=[[0,0],[4,0],[4,4]]", ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0))),
+        ('topics.remap={"/scan": "/front/scan"}', {"/scan": "/front/scan"}),
+        ("ros.connect=tcp/10.0.0.1:7447,tcp/10.0.0.2:7447", ("tcp/10.0.0.1:7447", "tcp/10.0.0.2:7447")),
+    ],
+)
+def test_command_line_values_are_read_as_the_parameter_wants_them(override, value, tmp_path):
+    found = config = load_deploy_config(overrides=[override])
+    for part in override.partition("=")[0].split("."):
+        found = getattr(found, part)
+    assert found == value
+    file = tmp_path / "robot.toml"
+    file.write_text(to_toml(config))
+    assert load_deploy_config(file) == config
+
+
+@pytest.mark.parametrize(
+    ("overrides", "profile", "words"),
+    [
+        (["decision.planer=tare"], None, ["decision.planer", "did you mean 'decision.planner'"]),
+        (["decision.rate=0"], None, ["decision.rate", "greater than 0", "--set"]),
+        (["safety.geofence=[[0,0],[1,1]]"], None, ["at least 3 corners"]),
+        (["sensing.height_min=2"], None, ["height_min", "must be below height_max"]),
+        (["name=My Robot"], None, ["lower-case letters"]),
+        (["xyzzy.plugh=1"], None, ["hd-deploy config --describe"]),
+        ([], "husky", ["unknown profile 'husky'", "bare, cmu, nav2"]),
+    ],
+)
+def test_a_wrong_parameter_is_explained(overrides, profile, words):
+    with pytest.raises(ConfigError) as caught:
+        load_deploy_config(None, overrides, {}, profile)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_defaults_are_the_papers_robot():
+    assert (DeployConfig().mapping.resolution, DeployConfig().mapping.viewpoint_spacing) == (0.2, 1.0)
