@@ -7,6 +7,7 @@ from difflib import get_close_matches
 from pydantic import ValidationError
 
 from actors.maps.generators.base import Generator
+from actors.maps.generators.building import Building
 from actors.maps.generators.forest import Forest
 from actors.maps.generators.hall import Hall
 from actors.maps.generators.office import Office
@@ -17,7 +18,9 @@ from common.errors import MapError
 
 __all__ = ["GENERATORS", "Generator", "make_generator", "warm_up"]
 
-GENERATORS: dict[str, type[Generator]] = {kind.kind: kind for kind in (Rooms, Office, Warehouse, Forest, Tunnel, Hall)}
+GENERATORS: dict[str, type[Generator]] = {
+    kind.kind: kind for kind in (Rooms, Office, Warehouse, Forest, Tunnel, Hall, Building)
+}
 
 
 def make_generator(name: str, parameters: dict[str, str]) -> Generator:

@@ -39,12 +39,20 @@ class Office(Generator):
     def plan(self, rng: np.random.Generator) -> Plan:
         """Lay out storeys of rooms between corridors, then open doors and furnish."""
         free = np.zeros((self.height, self.width), dtype=np.bool_)
-        left, bottom, width, height = self._building(rng)
+        area = self._building(rng)
+        left, bottom, width, height = area
         free[bottom * BLOCK : (bottom + height) * BLOCK, left * BLOCK : (left + width) * BLOCK] = True
-        box_walls(free, (left, bottom, width, height), 2 * _WALL)
+        box_walls(free, area, 2 * _WALL)
+        self._lay_out(rng, free, area)
+        return finish(free, rng)
+
+    def _lay_out(self, rng: np.random.Generator, free: NDArray[np.bool_], area: _Area) -> tuple[list[int], list[int]]:
+        """Fill an area with rooms; return the first columns of corridors along y, the first rows of those along x."""
+        left, bottom, width, height = area
         spines = self._spines(rng, left, width)
         wings = list(zip([left, *(s + self.corridor for s in spines)], [*spines, left + width], strict=True))
         row = bottom
+        corridors: list[int] = []
         below = False  # whether a corridor runs below the rooms that come next
         while row < bottom + height:
             deep = min(self._side(rng), bottom + height - row)
@@ -54,9 +62,11 @@ class Office(Generator):
             above = rest > 0 and not below
             for first, last in wings:
                 self._row_of_rooms(rng, free, (first, row, last - first, deep), below, above, last < left + width)
+            if above:
+                corridors.append(row + deep)
             row += deep + (self.corridor if above else 0)
             below = above
-        return finish(free, rng)
+        return spines, corridors
 
     def _spines(self, rng: np.random.Generator, left: int, width: int) -> list[int]:
         """Return the first column of each corridor that crosses the whole building along y, ascending."""

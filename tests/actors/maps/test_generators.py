@@ -83,6 +83,7 @@ def test_worlds_of_the_default_size_keep_the_guarantee(name: str) -> None:
         ("forest", {"density": "0"}),
         ("tunnel", {"loops": "0", "chambers": "1", "min_width": "12", "max_width": "12"}),
         ("hall", {"partitions": "12", "islands": "1", "side_rooms": "1"}),
+        ("building", {"lobbies": "8", "tables": "1", "clutter": "1", "furniture": "1"}),
     ],
 )
 def test_extreme_parameters_keep_the_guarantee(name: str, parameters: dict[str, str]) -> None:
@@ -124,6 +125,7 @@ def test_same_seed_same_world(name: str) -> None:
 
 # Made once: a change means that published seeds name other worlds, which must be meant and said in the changelog.
 DIGESTS = {
+    "building": "6a6dba0573201da4",
     "forest": "a5f84e7f09f4747f",
     "hall": "476ffff4f33ccdb5",
     "office": "885a12a2313de85b",
@@ -158,6 +160,17 @@ def test_scale_and_names() -> None:
     assert make_generator("hall", {}).world(4).name == "hall-4"
 
 
+def test_the_building_is_130_by_100_metres() -> None:
+    for index in range(5):
+        world = make_generator("building", {}).world(index)
+        occupied = np.flatnonzero(world.free.any(axis=1)), np.flatnonzero(world.free.any(axis=0))
+        height, width = (0.25 * (cells[-1] + 1 - cells[0]) for cells in occupied)
+        # Inside the outer walls, which are 1.5 m thick.
+        assert width == pytest.approx(128.5 - 2.0, abs=1.0) and height == pytest.approx(98.5, abs=1.0)
+        # Rooms and corridors, not one hall: from no place does one see much of it.
+        assert 7_000.0 < world.free_area < 11_500.0
+
+
 def test_the_hall_is_130_by_100_metres() -> None:
     free = make_generator("hall", {"partitions": "0", "islands": "0", "side_rooms": "0"}).world(0).free
     rows, columns = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
@@ -167,7 +180,7 @@ def test_the_hall_is_130_by_100_metres() -> None:
 @pytest.mark.parametrize(
     ("name", "parameters", "message"),
     [
-        ("roms", {}, r"unknown generator 'roms' \(did you mean 'rooms'\?\): choose one of forest, hall"),
+        ("roms", {}, r"unknown generator 'roms' \(did you mean 'rooms'\?\): choose one of building, forest, hall"),
         ("rooms", {"widht": "320"}, r"unknown parameter 'widht' \(did you mean 'width'\?\): choose from height"),
         ("rooms", {"width": "wide"}, r"generator:rooms: width: .*valid integer.*got 'wide'"),
         ("rooms", {"width": "330"}, r"multiples of 16 px, got 330 x 480"),
