@@ -1,0 +1,365 @@
+"""Messages to arrays and poses, and back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.geometry import Pose, Scan
+from deploy.ros2.errors import RosError
+from deploy.ros2.messages import Message, header, message, seconds, stamp
+
+Position = tuple[float, float]
+Quaternion = tuple[float, float, float, float]
+Transform = tuple[float, str, str, tuple[float, float, float], Quaternion]
+"""Time (s), parent frame, child frame, translation (m), rotation (x, y, z, w)."""
+
+MAX_CELLS = 1 << 26
+"""Larger occupancy grids are refused."""
+
+POINT_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""Datatypes of sensor_msgs/PointField by number."""
+
+
+def scan_from(scan: Message) -> Scan:
+    """Return the ranges of a LaserScan, without a copy where they are float32 already.
+
+    Raises:
+        RosError: when the angles or ranges are not finite or not increasing limits.
+    """
+    numbers = (scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max)
+    if not all(math.isfinite(number) for number in numbers) or scan.angle_increment == 0.0:
+        raise RosError(f"a LaserScan needs finite angles and range limits and an increment, got {numbers}")
+    if not 0.0 <= scan.range_min < scan.range_max:
+        raise RosError(f"a LaserScan's range_min {scan.range_min} must be below its range_max {scan.range_max}")
+    ranges = np.asarray(scan.ranges, np.float32)
+    return Scan(ranges, scan.angle_min, scan.angle_increment, scan.range_max, scan.range_min)
+
+
+def laser_scan(time: float, frame: str, scan: Scan, scan_time: float = 0.0) -> Message:
+    """Build a LaserScan; angle_max is the last beam's angle.
+
+    Args:
+        time: stamp, seconds.
+        frame: frame of the lidar.
+        scan: ranges and angles.
+        scan_time: seconds between scans.
+    """
+    return message(
+        "sensor_msgs/msg/LaserScan",
+        header=header(time, frame),
+        angle_min=scan.angle_min,
+        angle_max=scan.angle_min + max(len(scan.ranges) - 1, 0) * scan.angle_increment,
+        angle_increment=scan.angle_increment,
+        scan_time=scan_time,
+        range_min=scan.range_min,
+        range_max=scan.range_max,
+        ranges=scan.ranges,
+    )
+
+
+def points_from(cloud: Message) -> NDArray[np.float32]:
+    """Return the points of a PointCloud2: float32, shape (n, 3), or (n, 4) where it has an intensity.
+
+    Points that are not finite are left out. Any field types, offsets, paddings and byte orders are read.
+
+    Raises:
+        RosError: when x, y or z lacks, or the sizes do not fit the data.
+    """
+    fields = {field.name: field for field in cloud.fields}
+    lacking = [name for name in ("x", "y", "z") if name not in fields]
+    if lacking:
+        raise RosError(f"a PointCloud2 needs the fields x, y and z; {', '.join(lacking)} lacks among {list(fields)}")
+    names = ["x", "y", "z", *(["intensity"] if "intensity" in fields else [])]
+    order = ">" if cloud.is_bigendian else "<"
+    formats = []
+    for name in names:
+        code = POINT_TYPES.get(fields[name].datatype)
+        if code is None:
+            raise RosError(f"field {name} of a PointCloud2 has datatype {fields[name].datatype}, expected 1 to 8")
+        formats.append(order + code)
+    offsets = [fields[name].offset for name in names]
+    data = np.ascontiguousarray(cloud.data, np.uint8)
+    if cloud.height * cloud.width == 0:
+        return np.empty((0, len(names)), np.float32)
+    ends = [offset + np.dtype(form).itemsize for offset, form in zip(offsets, formats, strict=True)]
+    if max(ends) > cloud.point_step or cloud.row_step < cloud.width * cloud.point_step:
+        raise RosError(
+            f"a PointCloud2's fields must fit its point_step {cloud.point_step}, and {cloud.width} points its row_step "
+            f"{cloud.row_step}"
+        )
+    if len(data) < cloud.row_step * (cloud.height - 1) + cloud.width * cloud.point_step:
+        raise RosError(f"a PointCloud2 of {cloud.height} rows of {cloud.row_step} bytes has only {len(data)} bytes")
+    rows = np.ndarray(
+        (cloud.height, cloud.width, cloud.point_step), np.uint8, data, 0, (cloud.row_step, cloud.point_step, 1)
+    )
+    packed = formats == ["<f4"] * len(names) and offsets == list(range(0, 4 * len(names), 4))
+    points: NDArray[np.float32]
+    if packed:
+        points = rows[:, :, : 4 * len(names)].reshape(-1, 4 * len(names)).view(np.float32)
+    else:
+        points = np.empty((cloud.height * cloud.width, len(names)), np.float32)
+        for column, (offset, form) in enumerate(zip(offsets, formats, strict=True)):
+            size = np.dtype(form).itemsize
+            values = rows[:, :, offset : offset + size].reshape(-1, size).view(form)
+            points[:, column] = values[:, 0]
+    finite = np.isfinite(points[:, 0] + points[:, 1] + points[:, 2])
+    return points if finite.all() else points[finite]
+
+
+def point_cloud(time: float, frame: str, points: NDArray[np.float32]) -> Message:
+    """Build a PointCloud2 of float32 fields x, y, z and, for four columns, intensity.
+
+    Args:
+        time: stamp, seconds.
+        frame: frame of the points.
+        points: shape (n, 3) or (n, 4).
+    """
+    names = ("x", "y", "z", "intensity")[: points.shape[1]]
+    data = np.ascontiguousarray(points, "<f4")
+    return message(
+        "sensor_msgs/msg/PointCloud2",
+        header=header(time, frame),
+        height=1,
+        width=len(data),
+        fields=[
+            message("sensor_msgs/msg/PointField", name=name, offset=4 * number, datatype=7, count=1)
+            for number, name in enumerate(names)
+        ],
+        point_step=4 * len(names),
+        row_step=4 * len(names) * len(data),
+        data=data.reshape(-1).view(np.uint8),
+        is_dense=bool(np.isfinite(data).all()),
+    )
+
+
+def yaw_of(rotation: Message) -> float:
+    """Return the yaw of a Quaternion message, radians.
+
+    Raises:
+        RosError: when it is no rotation: not finite, or zero.
+    """
+    x, y, z, w = rotation.x, rotation.y, rotation.z, rotation.w
+    norm = x * x + y * y + z * z + w * w
+    if not math.isfinite(norm) or norm < 1e-6:
+        raise RosError(f"a rotation must be a quaternion of length 1, got ({x}, {y}, {z}, {w})")
+    return math.atan2(2.0 * (w * z + x * y), norm - 2.0 * (y * y + z * z))
+
+
+def quaternion(yaw: float) -> Message:
+    """Build a Quaternion that turns about z, radians."""
+    return message("geometry_msgs/msg/Quaternion", z=math.sin(yaw / 2.0), w=math.cos(yaw / 2.0))
+
+
+def pose_from(odometry: Message) -> tuple[float, Pose, tuple[float, float]]:
+    """Return stamp (s), pose, and (linear x m/s, angular z rad/s) of an Odometry.
+
+    Raises:
+        RosError: when the pose is not finite.
+    """
+    twist_ = odometry.twist.twist
+    return seconds(odometry.header.stamp), _pose(odometry.pose.pose), (twist_.linear.x, twist_.angular.z)
+
+
+def pose_from_stamped(stamped: Message) -> tuple[float, Pose]:
+    """Return stamp (s) and pose of a PoseStamped.
+
+    Raises:
+        RosError: when the pose is not finite.
+    """
+    return seconds(stamped.header.stamp), _pose(stamped.pose)
+
+
+def position_from(stamped: Message) -> tuple[float, Position]:
+    """Return stamp (s) and (x, y) in metres of a PointStamped.
+
+    Raises:
+        RosError: when the point is not finite.
+    """
+    x, y = stamped.point.x, stamped.point.y
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise RosError(f"a point must be finite metres, got ({x}, {y})")
+    return seconds(stamped.header.stamp), (x, y)
+
+
+def odometry(
+    time: float, frame: str, child: str, pose: Pose, velocity: tuple[float, float] = (0.0, 0.0), z: float = 0.0
+) -> Message:
+    """Build an Odometry.
+
+    Args:
+        time: stamp, seconds.
+        frame: frame of the pose.
+        child: frame of the velocity, the robot's own.
+        pose: metres and radians.
+        velocity: forwards m/s, turning rad/s.
+        z: height, metres.
+    """
+    return message(
+        "nav_msgs/msg/Odometry",
+        header=header(time, frame),
+        child_frame_id=child,
+        pose=message("geometry_msgs/msg/PoseWithCovariance", pose=pose_message(pose, z)),
+        twist=message("geometry_msgs/msg/TwistWithCovariance", twist=twist(*velocity)),
+    )
+
+
+def transforms_from(transforms: Message) -> list[Transform]:
+    """Return the transforms of a TFMessage.
+
+    Raises:
+        RosError: when one is not finite or its rotation is zero.
+    """
+    result: list[Transform] = []
+    for one in transforms.transforms:
+        move, turn = one.transform.translation, one.transform.rotation
+        shift = (move.x, move.y, move.z)
+        rotation = (turn.x, turn.y, turn.z, turn.w)
+        yaw_of(turn)
+        if not all(map(math.isfinite, shift)):
+            raise RosError(f"transform {one.header.frame_id} -> {one.child_frame_id} is not finite: {shift}")
+        parent, child = one.header.frame_id.lstrip("/"), one.child_frame_id.lstrip("/")
+        result.append((seconds(one.header.stamp), parent, child, shift, rotation))
+    return result
+
+
+def transform(time: float, parent: str, child: str, pose: Pose, z: float = 0.0) -> Message:
+    """Build a TransformStamped of the child frame's pose in the parent frame; z in metres."""
+    return message(
+        "geometry_msgs/msg/TransformStamped",
+        header=header(time, parent),
+        child_frame_id=child,
+        transform=message(
+            "geometry_msgs/msg/Transform",
+            translation=message("geometry_msgs/msg/Vector3", x=pose.x, y=pose.y, z=z),
+            rotation=quaternion(pose.yaw),
+        ),
+    )
+
+
+def transform_message(transforms: Sequence[Message]) -> Message:
+    """Build a TFMessage of TransformStamped messages."""
+    return message("tf2_msgs/msg/TFMessage", transforms=list(transforms))
+
+
+def grid_from(grid: Message) -> tuple[NDArray[np.int8], float, tuple[float, float, float]]:
+    """Return the cells (rows, columns) of an OccupancyGrid, metres per cell, and x, y, yaw of cell (0, 0)'s corner.
+
+    Raises:
+        RosError: when the size does not fit the cells, or the resolution is not positive.
+    """
+    info = grid.info
+    if not math.isfinite(info.resolution) or info.resolution <= 0.0:
+        raise RosError(f"an OccupancyGrid's resolution must be positive metres, got {info.resolution}")
+    if info.width * info.height != len(grid.data) or len(grid.data) > MAX_CELLS:
+        raise RosError(
+            f"an OccupancyGrid of {info.width} x {info.height} cells (at most {MAX_CELLS}) has {len(grid.data)} cells"
+        )
+    corner = _pose(info.origin)
+    cells = np.asarray(grid.data, np.int8).reshape(info.height, info.width)
+    return cells, info.resolution, (corner.x, corner.y, corner.yaw)
+
+
+def occupancy_grid(
+    time: float,
+    frame: str,
+    cells: NDArray[np.int8],
+    resolution: float,
+    origin: tuple[float, float, float] | Position = (0.0, 0.0, 0.0),
+) -> Message:
+    """Build an OccupancyGrid.
+
+    Args:
+        time: stamp, seconds.
+        frame: frame of the map.
+        cells: -1 unknown, 0 free to 100 occupied, shape (rows, columns); row 0 is lowest in y.
+        resolution: metres per cell.
+        origin: x, y in metres and perhaps yaw of the corner of cell (0, 0).
+    """
+    rows, columns = cells.shape
+    return message(
+        "nav_msgs/msg/OccupancyGrid",
+        header=header(time, frame),
+        info=message(
+            "nav_msgs/msg/MapMetaData",
+            map_load_time=stamp(time),
+            resolution=resolution,
+            width=columns,
+            height=rows,
+            origin=pose_message(Pose(*origin)),
+        ),
+        data=np.ascontiguousarray(cells, np.int8).reshape(-1),
+    )
+
+
+def pose_message(pose: Pose, z: float = 0.0) -> Message:
+    """Build a Pose; z in metres."""
+    return message(
+        "geometry_msgs/msg/Pose",
+        position=message("geometry_msgs/msg/Point", x=pose.x, y=pose.y, z=z),
+        orientation=quaternion(pose.yaw),
+    )
+
+
+def point_stamped(time: float, frame: str, position: Position, z: float = 0.0) -> Message:
+    """Build a PointStamped from (x, y) and z in metres."""
+    point = message("geometry_msgs/msg/Point", x=position[0], y=position[1], z=z)
+    return message("geometry_msgs/msg/PointStamped", header=header(time, frame), point=point)
+
+
+def pose_stamped(time: float, frame: str, pose: Pose, z: float = 0.0) -> Message:
+    """Build a PoseStamped; z in metres."""
+    return message("geometry_msgs/msg/PoseStamped", header=header(time, frame), pose=pose_message(pose, z))
+
+
+def path(time: float, frame: str, positions: Sequence[Position], z: float = 0.0) -> Message:
+    """Build a Path through positions in metres; each pose looks towards the next."""
+    poses = []
+    yaw = 0.0
+    for number, (x, y) in enumerate(positions):
+        if number + 1 < len(positions):
+            yaw = math.atan2(positions[number + 1][1] - y, positions[number + 1][0] - x)
+        poses.append(pose_stamped(time, frame, Pose(x, y, yaw), z))
+    return message("nav_msgs/msg/Path", header=header(time, frame), poses=poses)
+
+
+def path_from(route: Message) -> list[Position]:
+    """Return the (x, y) positions of a Path, metres."""
+    return [(stamped.pose.position.x, stamped.pose.position.y) for stamped in route.poses]
+
+
+def twist(linear: float, angular: float) -> Message:
+    """Build a Twist: forwards m/s, turning rad/s."""
+    return message(
+        "geometry_msgs/msg/Twist",
+        linear=message("geometry_msgs/msg/Vector3", x=linear),
+        angular=message("geometry_msgs/msg/Vector3", z=angular),
+    )
+
+
+def twist_stamped(time: float, frame: str, linear: float, angular: float) -> Message:
+    """Build a TwistStamped: forwards m/s, turning rad/s."""
+    return message("geometry_msgs/msg/TwistStamped", header=header(time, frame), twist=twist(linear, angular))
+
+
+def velocity_from(command: Message) -> tuple[float, float]:
+    """Return (forwards m/s, turning rad/s) of a Twist or TwistStamped.
+
+    Raises:
+        RosError: when they are not finite.
+    """
+    inner: Message = getattr(command, "twist", command)
+    linear, angular = inner.linear.x, inner.angular.z
+    if not (math.isfinite(linear) and math.isfinite(angular)):
+        raise RosError(f"a velocity must be finite, got ({linear}, {angular})")
+    return linear, angular
+
+
+def _pose(pose: Message) -> Pose:
+    x, y = pose.position.x, pose.position.y
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise RosError(f"a position must be finite metres, got ({x}, {y})")
+    return Pose(x, y, yaw_of(pose.orientation))
