@@ -26,6 +26,9 @@ class RosConfig(Section):
     """Namespace put before every relative topic name, such as `robot1`."""
     node: str = "hd_bridge"
     """Name of the node that `ros2 node list` shows."""
+    mode: Literal["auto", "peer", "client"] = "auto"
+    """How to join: `peer` talks to the other nodes directly, as ROS 2 nodes on one machine do; `client` goes through
+    the router, as a router on another machine needs it; `auto` is `peer` where `connect` names this machine alone."""
     connect: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
     """Zenoh endpoints to connect to: the robot's `rmw_zenohd` router or its zenoh-bridge-ros2dds."""
     listen: tuple[str, ...] = ()
@@ -134,6 +137,8 @@ class SensingConfig(Section):
     """Nearer readings are the robot itself, metres."""
     range_max: Positive | None = None
     """Longer readings count as nothing met, metres; the mapping's sensor range when not given."""
+    range_noise: NonNegative = 0.03
+    """Standard deviation of the sensor's ranges, metres: a return so near before a cell's border is one of the next."""
     beams: Annotated[int, Field(ge=90, le=7200)] = 720
     """Beams into which a point cloud is projected."""
     probability_hit: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.7
@@ -168,6 +173,13 @@ class SensingConfig(Section):
                 raise ValueError(
                     f"{low} ({getattr(self, low)}) must be below {high} ({getattr(self, high)}): correct one of the two"
                 )
+        low, high = self.probability_limits
+        if not 0.0 < low < self.free_below or not self.occupied_above < high < 1.0:
+            raise ValueError(
+                f"probability_limits {self.probability_limits} must lie in (0, 1), the first below free_below "
+                f"({self.free_below}) and the second above occupied_above ({self.occupied_above}): no cell could "
+                "become free or occupied otherwise"
+            )
         return self
 
 

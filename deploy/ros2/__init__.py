@@ -4,12 +4,13 @@ from deploy.ros2.endpoints import Latest, Publisher, Received, Subscription
 from deploy.ros2.errors import RosError
 from deploy.ros2.messages import Message, header, message, seconds, stamp
 from deploy.ros2.node import Node
-from deploy.ros2.qos import LATCHED, RELIABLE, SENSOR, QoS
+from deploy.ros2.qos import LATCHED, RELIABLE, SENSOR, STATIC, QoS
 
 __all__ = [
     "LATCHED",
     "RELIABLE",
     "SENSOR",
+    "STATIC",
     "Latest",
     "Message",
     "Node",

@@ -132,7 +132,13 @@ class RmwZenoh(Layout):
 
 @dataclass(frozen=True, slots=True)
 class Ros2dds(Layout):
-    """Keys of zenoh-bridge-ros2dds: the topic's name alone; tokens below `@/<zid>/@ros2_lv`."""
+    """Keys of zenoh-bridge-ros2dds: the topic's name alone; tokens below `@/<zid>/@ros2_lv`.
+
+    Attributes:
+        distro: distribution, for the type hashes in tokens.
+    """
+
+    distro: str
 
     def topic_key(self, topic: str, kind: str) -> str:
         """Return the topic's name without its leading slash."""
@@ -147,7 +153,9 @@ class Ros2dds(Layout):
         """Return the token by which bridges make the topic known in their DDS networks."""
         del number
         key = self.topic_key(topic, kind).replace("/", "§")
-        return f"@/{node.zid}/@ros2_lv/{LETTERS[role]}/{key}/{kind.replace('/', '§')}/{bridge_qos(qos)}"
+        return (
+            f"@/{node.zid}/@ros2_lv/{LETTERS[role]}/{key}/{kind.replace('/', '§')}/{bridge_qos(qos, kind, self.distro)}"
+        )
 
     def gid(self, token: str) -> None:
         """Return nothing: messages have no attachment."""
@@ -161,7 +169,7 @@ def _node_path(node: NodeId) -> str:
 
 def layout_of(name: str, domain: int, distro: str) -> Layout:
     """Return the layout of a name in the configuration: `rmw_zenoh` or `ros2dds`."""
-    return RmwZenoh(domain, distro) if name == "rmw_zenoh" else Ros2dds()
+    return RmwZenoh(domain, distro) if name == "rmw_zenoh" else Ros2dds(distro)
 
 
 def dds_type(kind: str) -> str:
@@ -184,6 +192,8 @@ def rmw_qos(qos: QoS) -> str:
     return f"{reliability}:{durability}:,{depth}:,:,:,,"
 
 
-def bridge_qos(qos: QoS) -> str:
-    """Return a QoS as the tokens of zenoh-bridge-ros2dds hold it: keyless, reliability, durability, history."""
-    return f":{0 if qos.reliable else 1}:{1 if qos.transient_local else 0}:0,{qos.depth}"
+def bridge_qos(qos: QoS, kind: str, distro: str) -> str:
+    """Return a QoS as the tokens of zenoh-bridge-ros2dds hold it: keyless, reliability, durability, history, hash."""
+    text = f":{int(qos.reliable)}:{int(qos.transient_local)}:0,{qos.depth}"
+    # The type's hash travels in DDS user data, which humble does not have.
+    return text if distro == "humble" else f"{text}:typehash={type_hash(kind, distro)};"

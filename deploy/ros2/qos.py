@@ -30,3 +30,5 @@ SENSOR = QoS(reliable=False, depth=5)
 """ROS 2's sensor data: best effort, volatile, the last 5."""
 LATCHED = QoS(transient_local=True, depth=1)
 """Maps and static transforms: reliable, transient local, the last one."""
+STATIC = QoS(transient_local=True, depth=100)
+"""`/tf_static`, where every broadcaster latches its own: reliable, transient local, the last 100."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import zenoh
 
+from common.bus.session import is_loopback
 from deploy.config import RosConfig
 from deploy.ros2.errors import RosError
 
@@ -15,34 +16,60 @@ log = logging.getLogger(__name__)
 
 MAX_MESSAGE = 64 << 20
 """Larger messages are refused before anything is allocated for them, bytes."""
+CLIENT_TIMEOUT = 2000
+"""How long one attempt of a client to connect may last, milliseconds: Zenoh cannot be interrupted meanwhile."""
 
 
 def open_session(config: RosConfig) -> zenoh.Session:
-    """Open a session: a peer that never stops trying to connect, or a router where `listen` is set.
+    """Open a session: a router where `listen` is set, else a peer or a client.
 
-    Returns at once whether or not anybody is there. Peers listen on the loopback and gossip, as those of rmw_zenoh
-    do: a router passes nothing on between peers that do not gossip.
+    - A peer talks to the other nodes directly, as the nodes of rmw_zenoh do: routers do not pass messages on between
+      peers. It listens on the loopback, gossips, returns at once and never stops trying to connect.
+    - A client needs a router, which passes on everything from and to clients. It waits until the router is there;
+      afterwards it never stops trying to connect.
 
     Raises:
-        RosError: when an endpoint is malformed or taken.
+        RosError: when an endpoint is malformed, or taken.
     """
     if not config.connect and not config.listen:
         raise RosError("ros.connect or ros.listen needs an endpoint, such as tcp/127.0.0.1:7447")
+    for endpoint in (*config.connect, *config.listen):
+        if "/" not in endpoint:
+            raise RosError(f"an endpoint must be PROTOCOL/ADDRESS, such as tcp/127.0.0.1:7447, got {endpoint!r}")
+    if config.listen:
+        return _open(config, "router", config.listen, -1)
+    local = all(is_loopback(endpoint) for endpoint in config.connect)
+    if config.mode == "peer" or (config.mode == "auto" and local):
+        return _open(config, "peer", ("tcp/127.0.0.1:0",), -1)
+    waited = False
+    while True:
+        try:
+            return _open(config, "client", (), CLIENT_TIMEOUT)
+        except RosError as error:
+            if "imeout" not in str(error) and "Unable to connect" not in str(error):
+                raise
+            if not waited:
+                log.warning("waiting for the Zenoh router at %s", ", ".join(config.connect))
+            waited = True
+
+
+def _open(config: RosConfig, mode: str, listen: tuple[str, ...], timeout: int) -> zenoh.Session:
     settings: dict[str, Any] = {
-        "mode": "router" if config.listen else "peer",
-        "listen": {"endpoints": list(config.listen or ("tcp/127.0.0.1:0",))},
+        "mode": mode,
+        "listen": {"endpoints": list(listen)},
         "connect": {
-            "endpoints": [endpoint for endpoint in config.connect if endpoint not in config.listen],
-            "timeout_ms": -1,
+            "endpoints": [endpoint for endpoint in config.connect if endpoint not in listen],
+            "timeout_ms": timeout,
             "exit_on_failure": False,
             "retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
         },
         "scouting": {
             "multicast": {"enabled": False},
             "gossip": {"enabled": True},
-            "delay": 0 if config.listen else 100,
+            # How long opening waits for links: a router waits for nobody.
+            "delay": 0 if mode == "router" else 100,
         },
-        # Advanced publishers number and time their messages.
+        # Latched publishers tell messages apart by their time.
         "timestamping": {"enabled": True},
         "transport": {
             "link": {"tx": {"lease": 2000}, "rx": {"max_message_size": MAX_MESSAGE}},
@@ -52,7 +79,5 @@ def open_session(config: RosConfig) -> zenoh.Session:
     try:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(settings)))
     except zenoh.ZError as error:
-        endpoints = ", ".join(config.listen or config.connect)
-        raise RosError(
-            f"cannot open a Zenoh session at {endpoints}: {error}; correct ros.listen or ros.connect"
-        ) from None
+        endpoints = ", ".join(listen or config.connect)
+        raise RosError(f"cannot join Zenoh at {endpoints}: {error}; correct ros.listen or ros.connect") from None
