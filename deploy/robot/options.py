@@ -1,0 +1,63 @@
+"""What the simulated robot is and how well its sensors work."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from common.config.schema import Positive, Section
+from deploy.config import DeployConfig, NonNegative
+
+
+class RobotOptions(Section):
+    """Options of `hd-deploy robot`; topics and frames are those of the bridge's `DeployConfig`."""
+
+    map: str = "generator:rooms?width=192&height=192&seed=3"
+    """World: a PNG map, a folder of them, or `generator:NAME[?key=value&...]`."""
+    metres_per_pixel: Positive = 0.125
+    """Scale of PNG maps and of generated ones; their corridors are 32 pixels wide."""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Number of the world in its source, and seed of all noise."""
+    speed_factor: Annotated[float, Field(gt=0.0, le=100.0)] = 1.0
+    """How much faster than real time the robot lives."""
+    max_speed: Positive = 2.0
+    """What the base can do, m/s."""
+    max_turn_rate: Positive = 3.0
+    """What the base can do, rad/s."""
+    acceleration: Positive = 2.0
+    """m/s2."""
+    deceleration: Positive = 4.0
+    """m/s2."""
+    turn_acceleration: Positive = 9.0
+    """rad/s2."""
+    command_timeout: Positive = 0.5
+    """The base stops when no velocity came for so long, seconds on the wall's clock, as real bases do."""
+    rays: Annotated[int, Field(ge=16, le=7200)] = 720
+    """Beams of the lidar per turn."""
+    layers: Literal[1, 16] | None = None
+    """Layers of the lidar; when not given 16 where the profile has a topic of point clouds, else 1."""
+    scan_rate: Annotated[float, Field(gt=0.0, le=30.0)] = 10.0
+    """Scans or clouds per second, Hz."""
+    odometry_rate: Annotated[float, Field(gt=0.0, le=60.0)] = 30.0
+    """Odometry messages and transforms per second, Hz."""
+    map_rate: Annotated[float, Field(gt=0.0, le=10.0)] = 1.0
+    """Grids of the robot's own mapping per second, Hz."""
+    range_noise: NonNegative = 0.0
+    """Standard deviation of the ranges, metres."""
+    odometry_drift: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
+    """Error of the odometry: metres per metre, and radians per square root of a metre."""
+    sensor_latency: NonNegative = 0.0
+    """Messages of sensors come so much later than they are stamped, seconds of the robot."""
+    command_latency: NonNegative = 0.0
+    """Commands have their effect so much later than they came, seconds of the robot."""
+    follow: bool | None = None
+    """Drive to waypoints itself, as the CMU stack and nav2 do; when not given, where the bridge does not drive."""
+
+    def lidar_layers(self, config: DeployConfig) -> Literal[1, 16]:
+        """Layers of the lidar behind the topics of a profile."""
+        return self.layers or (16 if config.topics.points else 1)
+
+    def follows(self, config: DeployConfig) -> bool:
+        """Whether the robot drives to waypoints itself."""
+        return not config.driving.enabled if self.follow is None else self.follow
