@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,11 @@ class PolicyCard:
         commit: of the training code, or a word saying that it is unknown.
         created: local time, ISO 8601.
         evaluation: means over a complete round of evaluation, None when it was not evaluated.
+        maps: sources of the training worlds.
+        seed: of the run.
+        wall_seconds: time that the learner ran for it, seconds.
+        licence: of the weights, an SPDX identifier.
+        bench: figures on benchmark maps by planner name, as `hd-eval card` notes them.
     """
 
     run: str
@@ -51,11 +57,21 @@ class PolicyCard:
     commit: str
     created: str
     evaluation: dict[str, float] | None = None
+    maps: tuple[str, ...] = ()
+    seed: int = 0
+    wall_seconds: float = 0.0
+    licence: str = "Apache-2.0"
+    bench: dict[str, dict[str, float]] | None = None
 
 
 def card_path(path: Path) -> Path:
     """Path of the card that belongs to the weights in ``path``."""
     return path.with_suffix(".json")
+
+
+def portable_sources(specs: Iterable[str]) -> tuple[str, ...]:
+    """Return map sources as a card tells them: of a folder's path only the last two parts, generators in full."""
+    return tuple(spec if spec.startswith("generator:") else "/".join(Path(spec).parts[-2:]) for spec in specs)
 
 
 def write_policy(path: Path, arrays: dict[str, NDArray[Any]], card: PolicyCard) -> None:
@@ -67,16 +83,27 @@ def write_policy(path: Path, arrays: dict[str, NDArray[Any]], card: PolicyCard) 
     if path.suffix != ".safetensors":
         raise CheckpointError(f"a policy's file must end in .safetensors, got {path.name!r}")
     data = save_tensors({name: np.ascontiguousarray(array) for name, array in arrays.items()})
-    values = asdict(card) | {"network": card.network.model_dump(), "mapping": card.mapping.model_dump()}
-    text = json.dumps({"format": FORMAT, "sha256": hashlib.sha256(data).hexdigest(), **values}, indent=2) + "\n"
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        for target, content in ((path, data), (card_path(path), text.encode())):
-            temporary = target.with_name(f".{target.name}.tmp")
-            temporary.write_bytes(content)
-            temporary.replace(target)
-    except OSError as error:
-        raise CheckpointError(f"cannot write the policy {path}: {error}") from error
+    _write(path, data)
+    _write(card_path(path), _card_text(card, data))
+
+
+def read_card(path: Path) -> PolicyCard:
+    """Read the card of the policy in ``path``.
+
+    Raises:
+        CheckpointError: when it is missing, damaged or of another format.
+    """
+    return _read(path)[0]
+
+
+def write_card(path: Path, card: PolicyCard) -> None:
+    """Replace the card of the policy in ``path``, whose weights stay as they are.
+
+    Raises:
+        CheckpointError: when the policy cannot be read, or the card not be written.
+    """
+    _, data = _read(path)
+    _write(card_path(path), _card_text(card, data))
 
 
 def read_policy(path: Path) -> tuple[Policy, PolicyCard]:
@@ -86,6 +113,16 @@ def read_policy(path: Path) -> tuple[Policy, PolicyCard]:
         CheckpointError: when a file is missing, damaged or of another format.
         WeightsError: when the weights do not fit the network of the card.
     """
+    card, data = _read(path)
+    try:
+        arrays = load_tensors(data)
+    except SafetensorError as error:
+        raise CheckpointError(f"cannot read the policy {path}: {error}") from error
+    return Policy(card.network, arrays, card.version), card
+
+
+def _read(path: Path) -> tuple[PolicyCard, bytes]:
+    """Return the card and the bytes of the weights that it describes."""
     try:
         data = path.read_bytes()
         values = json.loads(card_path(path).read_text("utf-8"))
@@ -96,8 +133,24 @@ def read_policy(path: Path) -> tuple[Policy, PolicyCard]:
             raise CheckpointError(f"{path} is damaged, or not the file that {card_path(path).name} describes")
         network = NetworkConfig.model_validate(values.pop("network"))
         mapping = MappingConfig.model_validate(values.pop("mapping"))
-        card = PolicyCard(network=network, mapping=mapping, **values)
-        arrays = load_tensors(data)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, ValidationError, SafetensorError) as error:
+        values["maps"] = tuple(values.get("maps", ()))
+        return PolicyCard(network=network, mapping=mapping, **values), data
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, ValidationError) as error:
         raise CheckpointError(f"cannot read the policy {path} with its card: {error}") from error
-    return Policy(network, arrays, card.version), card
+
+
+def _card_text(card: PolicyCard, data: bytes) -> bytes:
+    values = asdict(card) | {"network": card.network.model_dump(), "mapping": card.mapping.model_dump()}
+    text = json.dumps({"format": FORMAT, "sha256": hashlib.sha256(data).hexdigest(), **values}, indent=2) + "\n"
+    return text.encode()
+
+
+def _write(target: Path, content: bytes) -> None:
+    """Write a file that readers see whole or not at all."""
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        temporary = target.with_name(f".{target.name}.tmp")
+        temporary.write_bytes(content)
+        temporary.replace(target)
+    except OSError as error:
+        raise CheckpointError(f"cannot write the policy {target}: {error}") from error

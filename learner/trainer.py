@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from common.errors import CheckpointError, HDError
-from common.policy_file import PolicyCard
+from common.policy_file import PolicyCard, portable_sources
 from learner.algorithm.base import Algorithm, PublishedVersion
 from learner.algorithm.batch import TransitionBatch
 from learner.ingest import Ingest
@@ -65,6 +65,7 @@ class Trainer:
         self._published_at: OrderedDict[int, float] = OrderedDict()
         self._commit = commit_of(code_state())
         self._began = time.monotonic()
+        self._earlier_seconds = 0.0
         self._checkpoint_at = 0.0
         self._checkpointed = (-1, -1)
         self._checkpoint_wanted = threading.Event()
@@ -95,6 +96,7 @@ class Trainer:
         try:
             document = checkpoint.document
             updates = int(document["updates"])
+            self._earlier_seconds = float(document["policy"].get("wall_seconds", 0.0))
             snapshot = document["ingest"]
             tensors = {k: v for k, v in checkpoint.tensors.items() if not k.startswith(EXPORT_PREFIX)}
             self.algorithm.restore(tensors, document["algorithm"])
@@ -333,6 +335,9 @@ class Trainer:
             commit=self._commit,
             created=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
             evaluation=evaluation,
+            maps=portable_sources(self.config.maps.train),
+            seed=self.config.seed,
+            wall_seconds=round(self._earlier_seconds + self.uptime),
         )
 
     # --- parts -------------------------------------------------------------------------------------------------

@@ -96,7 +96,7 @@ def run(
     sim: Annotated[SimulatorChoice, typer.Option("--sim", help="Simulator.")] = SimulatorChoice.GRID,
     fidelity: Annotated[FidelityChoice | None, typer.Option("--fidelity", help="Fidelity of PyBullet.")] = None,
     policy: Annotated[
-        Path | None, typer.Option("--policy", metavar="FILE", help="Policy (.safetensors) of the planner `hdplanner`.")
+        Path | None, typer.Option("--policy", metavar="FILE", help="Policy of `hdplanner`; else the shipped one.")
     ] = None,
     limit: Limit = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Processes; 0 for one per core.")] = 0,
@@ -117,7 +117,7 @@ def run(
     Examples:
     - `hd-eval run --planner greedy,tare,omniscient --maps bench/ --out results/`
 
-    - `hd-eval run --planner hdplanner,hdplanner+revisit --policy best.safetensors --maps bench/ --out results/`
+    - `hd-eval run --planner hdplanner,hdplanner-bare --policy best.safetensors --maps bench/ --out results/`
 
     - `hd-eval run --planner dstar_lite,far --task navigation --maps bench/ --sim pybullet --jobs 4 --out results/`
     """
@@ -301,6 +301,24 @@ def video(
     world = worlds.load(worlds.find([episode.map])[episode.map])
     count = write_video(found, episode, world, settings, out, fps=fps, width=width)
     Console(stderr=True).print(f"{out}: {count} pictures of {found.planner} on {episode.map}", highlight=False)
+
+
+@app.command()
+@command_errors
+def card(
+    policy: Annotated[Path, typer.Argument(metavar="POLICY", help="Weights (.safetensors) with their card.")],
+    results: ResultsPaths,
+    planner: Annotated[str, typer.Option("--planner", metavar="NAME", help="The policy's name there.")] = "hdplanner",
+) -> None:
+    """Note a policy's bench figures in its card, beside those of the other planners.
+
+    Examples:
+    - `hd-eval card exploration.safetensors results/exploration/`
+    """
+    from actors.evaluation.card import note_bench
+
+    bench = note_bench(policy, collect_results(results), planner).bench or {}
+    sys.stdout.write(f"{policy}: figures of {', '.join(bench)} noted in its card\n")
 
 
 @app.command()

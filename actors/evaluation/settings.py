@@ -17,8 +17,8 @@ from common.errors import ConfigError
 from common.planners.base import Planner
 from common.planners.registry import make_planner, planner_names, planner_summary
 
-# Planners that need a file with weights.
-LEARNED = ("hdplanner", "hdplanner+revisit")
+# Planners that take a file with weights.
+LEARNED = ("hdplanner", "hdplanner-bare")
 
 
 class EvaluationSettings(BaseModel):

@@ -74,8 +74,8 @@ def notes(found: Sequence[Results], baseline: str | None) -> list[str]:
         lines.append(
             f"Ratios and differences are paired by map with {baseline}; interval: bootstrap over maps, 9,999 resamples."
         )
-    if any("+revisit" in results.planner for results in found):
-        lines.append("+revisit: a rule beside the network lowers the logit of viewpoints visited since the last news.")
+    if any(results.planner == "hdplanner" for results in found):
+        lines.append("hdplanner: with the rule that lowers the logit of viewpoints visited since the last news.")
     commits = list(dict.fromkeys(results.commit for results in found))
     lines.append(f"Commit {'; '.join(commits)}; seed {', '.join(sorted({str(results.seed) for results in found}))}.")
     return lines

@@ -15,9 +15,13 @@ from common.mapping.mapper import Mapper
 from common.observation import Observation
 from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.lattice import LONGEST_EDGE, TOLERANCE, check_task
+from common.policy import Policy
 from common.policy_file import PolicyCard, read_policy
+from common.shipped import shipped_policy, shipped_tasks
 
 log = logging.getLogger(__name__)
+
+TASKS: tuple[TaskName, ...] = ("exploration", "navigation")
 
 # What one visit since the last news takes off the logit of a viewpoint, by the revisit rule.
 REVISIT_PENALTY = 1.0
@@ -29,52 +33,55 @@ class LearnedPlanner:
     J. Liang et al.: "HDPlanner: Advancing Autonomous Deployments in Unknown Environments through Hierarchical Decision
     Networks", IEEE Robotics and Automation Letters, 2025. Greedy on the waypoint marginal sum_b pi_b pi_a(. | b).
 
-    With `revisit_penalty` above 0, a rule beside the network lowers the logit of a viewpoint by so much for each visit
-    since the last new cells. It is no part of the paper: it ends two-node cycles of greedy policies, and results that
-    use it say so in their planner's name.
+    A rule beside the network ends cycles of greedy choices: the logit of a viewpoint is lowered by `revisit_penalty`
+    for each visit since the last new cells. It is no part of the paper, so the decisions that it touched are counted,
+    and `hdplanner-bare` is the network without it.
 
     Attributes:
-        card: what the policy is and where it comes from.
+        card: what the policy is and where it comes from; of shipped policies that of the last `reset`, None before.
         rule_applied: decisions of this episode in which the rule lowered the logit of a choice.
     """
 
     def __init__(
-        self, config: MappingConfig, *, policy: str | Path | None = None, revisit_penalty: float = 0.0
+        self, config: MappingConfig, *, policy: str | Path | None = None, revisit_penalty: float = REVISIT_PENALTY
     ) -> None:
         """Load a policy.
 
         Args:
             config: the mapping that the planner will be given.
-            policy: weights (.safetensors) with their card beside them, as `hd-learner export` writes them.
+            policy: weights (.safetensors) with their card beside them, as `hd-learner export` writes them; without it
+                the shipped policy of each task is used.
             revisit_penalty: see above; 0 leaves the network alone.
 
         Raises:
-            ConfigError: no policy is named, or the penalty is negative.
-            CheckpointError: the policy cannot be read.
+            ConfigError: the penalty is negative.
+            CheckpointError: the policy cannot be read, or none is shipped.
             WeightsError: the weights do not fit the network of the card.
         """
-        if policy is None:
-            raise ConfigError(
-                "planner 'hdplanner' needs a policy: give --policy FILE (.safetensors), as 'hd-learner export' writes "
-                "it from a training run; no weights are shipped"
-            )
         if not revisit_penalty >= 0.0:
             raise ConfigError(f"planner 'hdplanner': revisit_penalty must be 0 or more, got {revisit_penalty}")
-        self._policy, self.card = read_policy(Path(policy).expanduser())
         self._config = config
         self._penalty = revisit_penalty
-        _warn_of_other_mapping(self.card, config)
+        self._held: dict[str, tuple[Policy, PolicyCard]] = {}
+        self._shipped = policy is None
+        self.card: PolicyCard | None = None
+        if policy is not None:
+            self._policy, self.card = read_policy(Path(policy).expanduser())
+            _warn_of_other_mapping(self.card, config)
+        elif not shipped_tasks():
+            shipped_policy("exploration")
         self._forget()
 
     @property
     def name(self) -> str:
-        """Name by which commands and results files call it; it tells whether the revisit rule is on."""
-        return "hdplanner+revisit" if self._penalty else "hdplanner"
+        """Name by which commands and results files call it; it tells whether the revisit rule is off."""
+        return "hdplanner" if self._penalty else "hdplanner-bare"
 
     @property
     def tasks(self) -> frozenset[TaskName]:
-        """The task that the policy was trained for."""
-        return frozenset({"navigation" if self.card.task == "navigation" else "exploration"})
+        """The tasks that its policy was trained for."""
+        trained = shipped_tasks() if self.card is None or self._shipped else {self.card.task}
+        return frozenset(task for task in TASKS if task in trained)
 
     def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
         """Begin an episode: forget everything; greedy decisions need no chance, so the seed changes nothing.
@@ -84,6 +91,11 @@ class LearnedPlanner:
         """
         del target, seed
         check_task(self.name, self.tasks, task)
+        if self._shipped:
+            if task not in self._held:
+                self._held[task] = read_policy(shipped_policy(task))
+                _warn_of_other_mapping(self._held[task][1], self._config)
+            self._policy, self.card = self._held[task]
         self._forget()
 
     def plan(self, mapper: Mapper, pose: Pose) -> Plan:
@@ -147,9 +159,9 @@ class LearnedPlanner:
         return np.array(visits, dtype=np.float32) * np.float32(-self._penalty)
 
 
-def planner_with_revisit_rule(config: MappingConfig, *, policy: str | Path | None = None) -> LearnedPlanner:
-    """Return a learned planner with the revisit rule on; see `LearnedPlanner`."""
-    return LearnedPlanner(config, policy=policy, revisit_penalty=REVISIT_PENALTY)
+def bare_planner(config: MappingConfig, *, policy: str | Path | None = None) -> LearnedPlanner:
+    """Return a learned planner without the revisit rule; see `LearnedPlanner`."""
+    return LearnedPlanner(config, policy=policy, revisit_penalty=0.0)
 
 
 def _warn_of_other_mapping(card: PolicyCard, config: MappingConfig) -> None:

@@ -45,8 +45,8 @@ _ENTRIES: dict[str, Entry] = {
     "bit_star": Entry("common.planners.bit_star", "BitStarPlanner", _NAVIGATION, "BIT* through OMPL (Gammell 2015)"),
     "far": Entry("common.planners.far", "FarPlanner", _NAVIGATION, "incremental visibility graph (Yang 2022)"),
     "hdplanner": Entry("common.planners.learned", "LearnedPlanner", _BOTH, "a trained policy (Liang 2025)"),
-    "hdplanner+revisit": Entry(
-        "common.planners.learned", "planner_with_revisit_rule", _BOTH, "a trained policy with the rule against revisits"
+    "hdplanner-bare": Entry(
+        "common.planners.learned", "bare_planner", _BOTH, "a trained policy without the rule against revisits"
     ),
 }
 

@@ -8,6 +8,7 @@ from common.planners.base import Status
 from common.planners.learned import LearnedPlanner
 from common.planners.registry import make_planner
 from common.policy_file import PolicyCard, write_policy
+from common.shipped import shipped_policy, shipped_tasks
 from tests.common.planners.rollout import drawn, explore
 
 CONFIG = MappingConfig(resolution=0.5)
@@ -32,13 +33,15 @@ def test_a_policy_explores_under_the_rules_of_the_protocol(policy):
     assert episode.plans[0].beacon is not None
     again = explore(planner, WORLD, CONFIG, max_steps=40, rays=360)
     assert again.waypoints == episode.waypoints
-    assert planner.rule_applied == 0
+    bare = make_planner("hdplanner-bare", CONFIG, policy=policy)
+    explore(bare, WORLD, CONFIG, max_steps=40, rays=360)
+    assert bare.name == "hdplanner-bare"
+    assert bare.rule_applied == 0
 
 
 def test_the_revisit_rule_ends_loops_and_is_named_and_counted(policy):
-    plain = explore(LearnedPlanner(CONFIG, policy=policy), WORLD, CONFIG, max_steps=60, rays=360)
-    planner = make_planner("hdplanner+revisit", CONFIG, policy=policy)
-    assert planner.name == "hdplanner+revisit"
+    plain = explore(make_planner("hdplanner-bare", CONFIG, policy=policy), WORLD, CONFIG, max_steps=60, rays=360)
+    planner = make_planner("hdplanner", CONFIG, policy=policy)
     ruled = explore(planner, WORLD, CONFIG, max_steps=60, rays=360)
     assert ruled.complete
     if not plain.complete:
@@ -50,7 +53,7 @@ def test_the_revisit_rule_ends_loops_and_is_named_and_counted(policy):
 def test_a_robot_beside_the_lattice_gets_valid_waypoints(policy):
     start = (WORLD.start[0] + 1.3, WORLD.start[1] - 0.8)
     beside = type(WORLD)("beside", WORLD.free, 0.5, (0.0, 0.0), start, None, None, WORLD.lattice_origin)
-    episode = explore(make_planner("hdplanner+revisit", CONFIG, policy=policy), beside, CONFIG, max_steps=40, rays=360)
+    episode = explore(make_planner("hdplanner", CONFIG, policy=policy), beside, CONFIG, max_steps=40, rays=360)
     assert episode.steps > 0
 
 
@@ -62,14 +65,23 @@ def test_one_room_is_complete(policy):
 
 
 def test_what_is_missing_is_said(policy, tmp_path):
-    with pytest.raises(ConfigError, match="hd-learner export"):
-        make_planner("hdplanner", CONFIG)
     with pytest.raises(CheckpointError, match="cannot read"):
         make_planner("hdplanner", CONFIG, policy=tmp_path / "none.safetensors")
     with pytest.raises(ConfigError, match="revisit_penalty"):
         LearnedPlanner(CONFIG, policy=policy, revisit_penalty=-1.0)
     with pytest.raises(ConfigError, match="not navigation"):
         LearnedPlanner(CONFIG, policy=policy).reset("navigation", (1.0, 1.0), 0)
+
+
+def test_without_a_policy_the_shipped_one_of_the_task_is_used():
+    planner = LearnedPlanner(MappingConfig())
+    for task in sorted(planner.tasks):
+        planner.reset(task, None, 0)
+        assert planner.card is not None
+        assert planner.card.task == task
+    assert planner.tasks == shipped_tasks()
+    with pytest.raises(CheckpointError, match="no policy is shipped for the task 'cleaning'"):
+        shipped_policy("cleaning")
 
 
 def test_another_mapping_is_warned_of(policy, caplog):
