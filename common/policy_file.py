@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -62,6 +62,18 @@ class PolicyCard:
     wall_seconds: float = 0.0
     licence: str = "Apache-2.0"
     bench: dict[str, dict[str, float]] | None = None
+
+
+def card_from(values: Mapping[str, Any]) -> PolicyCard:
+    """Make a card from plain values, as JSON holds them; TypeError or ValueError when they are none."""
+    return PolicyCard(
+        **{
+            **values,
+            "network": NetworkConfig.model_validate(values["network"]),
+            "mapping": MappingConfig.model_validate(values["mapping"]),
+            "maps": tuple(values.get("maps", ())),
+        }
+    )
 
 
 def card_path(path: Path) -> Path:
@@ -131,10 +143,7 @@ def _read(path: Path) -> tuple[PolicyCard, bytes]:
             raise CheckpointError(f"{card_path(path)} has format {written}, this software reads format {FORMAT}")
         if hashlib.sha256(data).hexdigest() != digest:
             raise CheckpointError(f"{path} is damaged, or not the file that {card_path(path).name} describes")
-        network = NetworkConfig.model_validate(values.pop("network"))
-        mapping = MappingConfig.model_validate(values.pop("mapping"))
-        values["maps"] = tuple(values.get("maps", ()))
-        return PolicyCard(network=network, mapping=mapping, **values), data
+        return card_from(values), data
     except (OSError, ValueError, KeyError, TypeError, AttributeError, ValidationError) as error:
         raise CheckpointError(f"cannot read the policy {path} with its card: {error}") from error
 

@@ -8,9 +8,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from common.config.schema import MappingConfig, NetworkConfig
 from common.errors import CheckpointError
-from common.policy_file import PolicyCard, write_policy
+from common.policy_file import PolicyCard, card_from, write_policy
 from learner.run.checkpoints import Checkpoint, CheckpointStore
 from learner.run.folder import check_run, read_config
 from learner.trainer import EXPORT_PREFIX
@@ -40,10 +39,11 @@ def export_policy(run: Path, which: str, out: Path) -> PolicyCard:
         raise CheckpointError(f"run {run.name} has no checkpoint yet")
     checkpoint = store.load(name)
     if name.startswith("policy-"):
-        card = _card_of_best(checkpoint)
+        card = card_from(checkpoint.document)
         arrays = {key: tensor.numpy() for key, tensor in checkpoint.tensors.items()}
     else:
-        card = PolicyCard(**checkpoint.document["policy"], network=config.network, mapping=config.mapping)
+        sizes = {"network": config.network.model_dump(), "mapping": config.mapping.model_dump()}
+        card = card_from({**checkpoint.document["policy"], **sizes})
         arrays = policy_of(checkpoint)
     write_policy(out, arrays, card)
     return card
@@ -59,10 +59,3 @@ def policy_of(checkpoint: Checkpoint) -> dict[str, NDArray[Any]]:
     if not found:
         raise CheckpointError(f"checkpoint {checkpoint.name} carries no policy for export")
     return found
-
-
-def _card_of_best(checkpoint: Checkpoint) -> PolicyCard:
-    document = dict(checkpoint.document)
-    network = NetworkConfig.model_validate(document.pop("network"))
-    mapping = MappingConfig.model_validate(document.pop("mapping"))
-    return PolicyCard(network=network, mapping=mapping, **document)
