@@ -88,7 +88,7 @@ class Environment:
         steps: decisions taken.
         collisions: contacts with the world.
         total_reward: sum of the rewards.
-        mapping_seconds: time that the mapper took for the scans since the last decision, seconds.
+        mapping_seconds: processor time that the mapper took for the scans since the last decision, seconds.
     """
 
     def __init__(
@@ -329,10 +329,10 @@ class Environment:
         return all(self._take(self._simulator.drive_to(point)) for point in legs)
 
     def _take(self, leg: Leg) -> bool:
-        began = time.perf_counter()
+        began = time.process_time()
         for pose, scan in leg.sensed:
             self.mapper.integrate(scan, pose)
-        self.mapping_seconds += time.perf_counter() - began
+        self.mapping_seconds += time.process_time() - began
         self.pose = leg.pose
         self.distance += leg.distance
         self.collisions += leg.collisions
@@ -342,10 +342,10 @@ class Environment:
     def _sense(self) -> None:
         """Scan from here, and bring the belief, the graph and the coverage up to date."""
         scan = self._simulator.scan()
-        began = time.perf_counter()
+        began = time.process_time()
         self.mapper.integrate(scan, self.pose)
         self.mapper.update(self.pose)
-        self.mapping_seconds += time.perf_counter() - began
+        self.mapping_seconds += time.process_time() - began
         belief = self.mapper.belief
         self.coverage.update(belief.cells, belief.resolution, belief.origin)
 

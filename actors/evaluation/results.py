@@ -28,7 +28,7 @@ class _Record(BaseModel):
 
 
 class DecisionTime(_Record):
-    """Time from a scan to the next waypoint (mapping and planning), milliseconds, over the decisions of an episode."""
+    """Processor time from a scan to the next waypoint (mapping, planning), milliseconds, over an episode's decisions."""
 
     median: Distance
     p95: Distance
@@ -45,7 +45,7 @@ class EpisodeResult(_Record):
         steps: decisions that were carried out.
         success: the task was completed.
         explored_rate: share of the reachable free area that was seen, 0 to 1.
-        decision_ms: decision time.
+        decision_ms: decision time; that of the processor, so that another load of the machine does not change it much.
     """
 
     map: Name
