@@ -173,8 +173,8 @@ class SensingConfig(Section):
                 raise ValueError(
                     f"{low} ({getattr(self, low)}) must be below {high} ({getattr(self, high)}): correct one of the two"
                 )
-        low, high = self.probability_limits
-        if not 0.0 < low < self.free_below or not self.occupied_above < high < 1.0:
+        lowest, highest = self.probability_limits
+        if not 0.0 < lowest < self.free_below or not self.occupied_above < highest < 1.0:
             raise ValueError(
                 f"probability_limits {self.probability_limits} must lie in (0, 1), the first below free_below "
                 f"({self.free_below}) and the second above occupied_above ({self.occupied_above}): no cell could "

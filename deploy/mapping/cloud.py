@@ -1,0 +1,115 @@
+"""Point clouds of a 3D lidar as beams in the plane: the nearest obstacle in each direction within a band of heights."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import MappingError
+from common.jit import njit
+from deploy.config import SensingConfig
+from deploy.mapping.log_odds import Beams
+from deploy.mapping.transforms import Transform
+
+
+@njit(cache=True, nogil=True)
+def _project(
+    points: NDArray[np.float32],
+    rotation: NDArray[np.float64],
+    offset_x: float,
+    offset_y: float,
+    offset_z: float,
+    sensor_x: float,
+    sensor_y: float,
+    sensor_height: float,
+    height_min: float,
+    height_max: float,
+    range_min: float,
+    range_max: float,
+    nearest: NDArray[np.float64],
+    cleared: NDArray[np.float64],
+) -> None:
+    """Find per beam the nearest obstacle and how far the floor is seen; see `project`."""
+    beams = len(nearest)
+    per_radian = beams / (2.0 * np.pi)
+    for n in range(len(points)):
+        px, py, pz = np.float64(points[n, 0]), np.float64(points[n, 1]), np.float64(points[n, 2])
+        height = rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz + offset_z
+        if not height <= height_max:
+            continue
+        x = rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz + offset_x - sensor_x
+        y = rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz + offset_y - sensor_y
+        distance = np.sqrt(x * x + y * y)
+        if not (range_min <= distance < np.inf):
+            continue
+        beam = min(int((np.arctan2(y, x) + np.pi) * per_radian), beams - 1)
+        if height >= height_min and distance < range_max:
+            nearest[beam] = min(nearest[beam], distance)
+            continue
+        if height < 0.0 and sensor_height > 0.0:
+            # The line of sight went below the floor's level there: what lies behind may be a drop.
+            distance *= sensor_height / (sensor_height - height)
+        cleared[beam] = max(cleared[beam], min(distance, range_max))
+
+
+def check_points(points: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return points as contiguous float32.
+
+    Raises:
+        MappingError: the shape is not (n, 3 or more).
+    """
+    if points.ndim != 2 or points.shape[1] < 3:
+        raise MappingError(f"a point cloud must have the shape (n, 3 or more), got {points.shape}: drop this cloud")
+    return np.ascontiguousarray(points, dtype=np.float32)
+
+
+def project(
+    points: NDArray[np.float32],
+    map_from_points: Transform,
+    sensor: tuple[float, float, float],
+    floor: float,
+    config: SensingConfig,
+    range_max: float,
+) -> Beams:
+    """Turn a point cloud into beams in the plane, whose directions are those of the map frame (yaw 0).
+
+    What a beam tells is decided so:
+
+    - the nearest point within the band of heights, if there is one, is an obstacle, and before it the beam is free;
+    - else the beam is free up to the farthest point on the floor, because the lidar saw the floor there; where a point
+      lies below the floor, up to where the line of sight went through the floor's level;
+    - points above the band tell nothing, because the line of sight left the band on its way;
+    - a direction without any point tells nothing: a cloud does not say whether the lidar looked there.
+
+    Args:
+        points: float32, shape (n, 3 or more), metres; points with NaN are no returns.
+        map_from_points: where the frame of the points lies in the map frame.
+        sensor: x, y, z of the lidar in the map frame, metres.
+        floor: height of the floor below the robot in the map frame, metres.
+        config: band of heights, ``range_min``, number of beams.
+        range_max: points beyond it count as nothing met, metres in the plane.
+    """
+    nearest = np.full(config.beams, np.inf)
+    cleared = np.full(config.beams, -np.inf)
+    _project(
+        points,
+        map_from_points.matrix(),
+        map_from_points.translation[0],
+        map_from_points.translation[1],
+        map_from_points.translation[2] - floor,
+        sensor[0],
+        sensor[1],
+        sensor[2] - floor,
+        config.height_min,
+        config.height_max,
+        config.range_min,
+        range_max,
+        nearest,
+        cleared,
+    )
+    hits = np.isfinite(nearest)
+    ranges = np.where(hits, nearest, np.where(cleared > 0.0, cleared, np.nan))
+    width = 2.0 * pi / config.beams
+    return Beams(ranges.astype(np.float32), hits, -pi + width / 2.0, width)

@@ -1,0 +1,269 @@
+"""Transforms between frames, as /tf and /tf_static carry them: 3D rotations, chains, interpolation in time."""
+
+from __future__ import annotations
+
+import logging
+from bisect import bisect_left
+from dataclasses import dataclass
+from math import atan2, isfinite
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import MappingError
+from common.geometry import Pose
+
+logger = logging.getLogger(__name__)
+
+Vector = tuple[float, float, float]
+# x, y, z, w as in geometry_msgs/Quaternion.
+Quaternion = tuple[float, float, float, float]
+
+# A quaternion whose length is off by more than this is no rotation that was rounded, but a mistake.
+LENGTH_TOLERANCE: Final = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Transform:
+    """Where a frame lies in another: a point p of the frame is R p + t in the other.
+
+    Attributes:
+        translation: t, metres.
+        rotation: R as a unit quaternion (x, y, z, w).
+    """
+
+    translation: Vector = (0.0, 0.0, 0.0)
+    rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+    @classmethod
+    def checked(cls, translation: Vector, rotation: Quaternion) -> Transform:
+        """Make a transform of foreign numbers and normalise its quaternion.
+
+        Raises:
+            MappingError: a number is not finite, or the quaternion is no rotation.
+        """
+        length = float(np.linalg.norm(rotation))
+        if not (all(isfinite(number) for number in translation) and abs(length - 1.0) <= LENGTH_TOLERANCE):
+            raise MappingError(
+                f"a transform needs finite numbers and a unit quaternion, got translation {translation} and rotation "
+                f"{rotation}: correct its publisher"
+            )
+        x, y, z, w = rotation
+        return cls(translation, (x / length, y / length, z / length, w / length))
+
+    @classmethod
+    def planar(cls, x: float, y: float, yaw: float, z: float = 0.0) -> Transform:
+        """Make the transform of a planar pose."""
+        return cls((x, y, z), (0.0, 0.0, float(np.sin(yaw / 2.0)), float(np.cos(yaw / 2.0))))
+
+    def __matmul__(self, other: Transform) -> Transform:
+        """Return this transform after the other: ``map_from_odom @ odom_from_base`` is ``map_from_base``."""
+        x1, y1, z1, w1 = self.rotation
+        x2, y2, z2, w2 = other.rotation
+        x, y, z = self.apply(np.array([other.translation]))[0]
+        return Transform(
+            (float(x), float(y), float(z)),
+            (
+                w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+                w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+                w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+                w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+            ),
+        )
+
+    def inverse(self) -> Transform:
+        """Return the transform the other way."""
+        x, y, z, w = self.rotation
+        back = Transform((0.0, 0.0, 0.0), (-x, -y, -z, w))
+        x, y, z = -back.apply(np.array([self.translation]))[0]
+        return Transform((float(x), float(y), float(z)), back.rotation)
+
+    def matrix(self) -> NDArray[np.float64]:
+        """Return R, float64, shape (3, 3)."""
+        x, y, z, w = self.rotation
+        return np.array(
+            [
+                [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+                [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+                [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+            ]
+        )
+
+    def apply(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points of the frame in the other frame, shape (n, 3)."""
+        moved: NDArray[np.float64] = points @ self.matrix().T + np.array(self.translation)
+        return moved
+
+    @property
+    def pose(self) -> Pose:
+        """Position in the plane and heading of the frame's x axis."""
+        rotation = self.matrix()
+        return Pose(self.translation[0], self.translation[1], atan2(rotation[1, 0], rotation[0, 0]))
+
+
+def interpolated(old: Transform, new: Transform, share: float) -> Transform:
+    """Return the transform a share of the way from an old to a new one; rotations along the shorter arc (slerp)."""
+    a, b = np.array(old.rotation), np.array(new.rotation)
+    cosine = float(a @ b)
+    if cosine < 0.0:
+        b, cosine = -b, -cosine
+    angle = float(np.arccos(min(cosine, 1.0)))
+    if angle < 1e-6:
+        mixed = a + share * (b - a)
+    else:
+        mixed = (np.sin((1.0 - share) * angle) * a + np.sin(share * angle) * b) / np.sin(angle)
+    x, y, z, w = (float(number) for number in mixed / np.linalg.norm(mixed))
+    p, q = np.array(old.translation), np.array(new.translation)
+    px, py, pz = (float(number) for number in p + share * (q - p))
+    return Transform((px, py, pz), (x, y, z, w))
+
+
+class _Link:
+    """Where one frame lay in its parent over the last seconds."""
+
+    def __init__(self, parent: str, static: bool) -> None:
+        self.parent = parent
+        self.static = static
+        self.times: list[float] = []
+        self.transforms: list[Transform] = []
+
+    def add(self, time: float, transform: Transform, seconds: float) -> None:
+        if self.static:
+            self.times, self.transforms = [time], [transform]
+            return
+        if self.times and time < self.times[-1] - seconds:
+            self.times.clear()
+            self.transforms.clear()
+        at = bisect_left(self.times, time)
+        if at < len(self.times) and self.times[at] == time:
+            self.transforms[at] = transform
+            return
+        self.times.insert(at, time)
+        self.transforms.insert(at, transform)
+        outdated = bisect_left(self.times, self.times[-1] - seconds)
+        if outdated > 100:
+            del self.times[:outdated], self.transforms[:outdated]
+
+    def at(self, time: float, hold: float) -> Transform | None:
+        if self.static:
+            return self.transforms[-1]
+        times, at = self.times, bisect_left(self.times, time)
+        if at < len(times) and times[at] == time:
+            return self.transforms[at]
+        before = time - times[at - 1] if at > 0 else float("inf")
+        after = times[at] - time if at < len(times) else float("inf")
+        if min(before, after) > hold:
+            return None
+        if before + after > 2.0 * hold:
+            return self.transforms[at - 1 if before <= after else at]
+        return interpolated(self.transforms[at - 1], self.transforms[at], before / (before + after))
+
+
+class TransformTree:
+    """The frames of the robot and where they lie in each other; not thread-safe.
+
+    Each frame has one parent. Links of /tf move and are kept for some seconds; those of /tf_static stand still. A link
+    is held beyond its newest transform for ``hold`` seconds; for the first moving link above the frame that is asked
+    for (odom -> base) each question gives a tighter limit. So a SLAM that corrects map -> odom once a second does not
+    delay the scans that odom -> base places ten times a second.
+    """
+
+    def __init__(self, seconds: float = 10.0, hold: float = 5.0) -> None:
+        """Keep moving links for ``seconds`` and hold each one for ``hold`` seconds beyond its newest transform."""
+        self._seconds = seconds
+        self._hold = hold
+        self._links: dict[str, _Link] = {}
+
+    def add(
+        self, time: float, parent: str, child: str, translation: Vector, rotation: Quaternion, *, static: bool = False
+    ) -> None:
+        """Add where a frame lies in its parent.
+
+        A frame that is given another parent moves there with all that hangs on it.
+
+        Raises:
+            MappingError: the numbers are no transform, or the frames would form a ring.
+        """
+        parent, child = parent.lstrip("/"), child.lstrip("/")
+        transform = Transform.checked(translation, rotation)
+        if not isfinite(time):
+            raise MappingError(f"a transform needs a finite stamp, got {time}: correct its publisher")
+        above: str | None = parent
+        while above is not None:
+            if above == child:
+                raise MappingError(
+                    f"frame {child!r} cannot hang on {parent!r}, which hangs on {child!r} itself: two publishers "
+                    "disagree about the tree; stop one of them"
+                )
+            link = self._links.get(above)
+            above = None if link is None else link.parent
+        link = self._links.get(child)
+        if link is None or link.parent != parent or link.static != static:
+            link = self._links[child] = _Link(parent, static)
+        link.add(time, transform, self._seconds)
+
+    def knows(self, frame: str) -> bool:
+        """Whether a frame is in the tree."""
+        frame = frame.lstrip("/")
+        return frame in self._links or any(link.parent == frame for link in self._links.values())
+
+    def newest(self, target: str, source: str) -> float | None:
+        """Return the newest stamp of the first moving link above the source.
+
+        Returns:
+            Infinity when only static links lead to the target, None when the two frames are not connected.
+        """
+        path = self._path(target.lstrip("/"), source.lstrip("/"))
+        if path is None:
+            return None
+        moving = self._first_moving(path[0])
+        return float("inf") if moving is None else self._links[moving].times[-1]
+
+    def lookup(self, target: str, source: str, time: float, tolerance: float) -> Transform | None:
+        """Return where the source frame lies in the target frame at a time.
+
+        Args:
+            target: such as ``map``.
+            source: such as ``base_link``.
+            time: seconds of the robot's clock.
+            tolerance: how far the first moving link above the source is held beyond its ends, seconds.
+
+        Returns:
+            None when the frames are not connected, or a link does not tell of that time.
+        """
+        target, source = target.lstrip("/"), source.lstrip("/")
+        path = self._path(target, source)
+        if path is None:
+            return None
+        up, down = path
+        tight = self._first_moving(up)
+        result = Transform()
+        for frame in up:
+            link = self._links[frame].at(time, tolerance if frame == tight else self._hold)
+            if link is None:
+                return None
+            result = link @ result
+        back = Transform()
+        for frame in down:
+            link = self._links[frame].at(time, self._hold)
+            if link is None:
+                return None
+            back = link @ back
+        return back.inverse() @ result
+
+    def _first_moving(self, frames: list[str]) -> str | None:
+        return next((frame for frame in frames if not self._links[frame].static), None)
+
+    def _path(self, target: str, source: str) -> tuple[list[str], list[str]] | None:
+        """Return the frames whose links lead from the source and from the target up to what both hang on."""
+        chains = []
+        for frame in (source, target):
+            chain = [frame]
+            while chain[-1] in self._links:
+                chain.append(self._links[chain[-1]].parent)
+            chains.append(chain)
+        common = next((frame for frame in chains[0] if frame in chains[1]), None)
+        if common is None:
+            return None
+        return chains[0][: chains[0].index(common)], chains[1][: chains[1].index(common)]
