@@ -1,0 +1,1 @@
+"""The bridge: topics in, the decision loop, commands and lifecycle, topics out."""

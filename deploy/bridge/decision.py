@@ -1,0 +1,345 @@
+"""The decision loop: refresh the map, check health, plan. It knows no topics: recordings and tests run it as well."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import Final, Protocol
+
+from common.geometry import Pose
+from common.mapping.mapper import Mapper
+from common.mapping.sight import FREE
+from common.planners.base import Plan, Position, Status
+from deploy.bridge.completion import CompletionChecks
+from deploy.bridge.detour import nearest_free_place
+from deploy.bridge.diagnosis import diagnose
+from deploy.bridge.mission import Mission, Orders, Phase
+from deploy.bridge.outcome import Course, Outcome
+from deploy.bridge.oversight import Oversight, gap
+from deploy.bridge.team import PlannerError, PlannerTeam
+from deploy.config import DeployConfig
+from deploy.mapping import MapStatistics
+from deploy.safety import Fault, FaultKind, HealthMonitor
+
+log = logging.getLogger(__name__)
+
+# Faults that a decision can mend; all others hold the robot until they are over.
+_MENDED_BY_PLANNING: Final = frozenset({FaultKind.WAYPOINT_OCCUPIED, FaultKind.POLICY_ERROR})
+# A robot that moved less and learned nothing keeps its decision: planners take repeated questions from one place for
+# repeated failures.
+_MOVED: Final = 0.02
+
+
+class MapSource(Protocol):
+    """What the loop needs of `deploy.mapping.RobotMap`."""
+
+    def refresh(self) -> Mapper | None:
+        """Apply what came and update the mapper; None while pose or map lack."""
+        ...
+
+    @property
+    def pose(self) -> Pose | None:
+        """Newest pose."""
+        ...
+
+    @property
+    def statistics(self) -> MapStatistics:
+        """What became of the sensor messages."""
+        ...
+
+    def set_target(self, target: Position | None) -> None:
+        """Set another target and keep the map."""
+        ...
+
+    def reset(self, target: Position | None = None) -> None:
+        """Forget the map."""
+        ...
+
+
+class DecisionLoop:
+    """Decides where the robot goes.
+
+    Usage::
+
+        loop = DecisionLoop(config, robot_map, make_team(config), Mission("exploration"), HealthMonitor(config.safety))
+        while True:
+            outcome = loop.step()  # several times per decision: it plans when it is due
+    """
+
+    def __init__(
+        self,
+        config: DeployConfig,
+        robot_map: MapSource,
+        team: PlannerTeam,
+        mission: Mission,
+        health: HealthMonitor,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Begin; messages are fed to `robot_map` and `health`, commands to `mission`, by others.
+
+        Args:
+            config: whole tree.
+            robot_map: the robot's map.
+            team: the planners.
+            mission: the robot's orders.
+            health: watches the inputs.
+            clock: seconds, monotonic; that of a recording when one is replayed.
+        """
+        self.team = team
+        self._config = config.decision
+        self._mapping = config.mapping
+        self._map = robot_map
+        self._mission = mission
+        self._health = health
+        self._clock = clock
+        self._oversight = Oversight(config)
+        self._checks = CompletionChecks(config.decision.completion_checks)
+        self._blocked = ""
+        self._blocked_lock = threading.Lock()
+        self._episode = 0
+        self._map_resets = 0
+        self._version = -1
+        self._was_moving = False
+        self._course: Course | None = None
+        self._hold = ""
+        self._faults: list[Fault] = []
+        self._next = float("-inf")
+        self._asked: tuple[Pose, int, int] | None = None
+
+    def report_blocked(self, reason: str) -> None:
+        """Tell from any thread that the way to the waypoint is blocked."""
+        with self._blocked_lock:
+            self._blocked = reason
+
+    def step(self) -> Outcome:
+        """Run one pass: refresh the map, check health, and plan when it is due."""
+        now, began = self._clock(), time.perf_counter()
+        orders = self._obey(now)
+        mapper = self._refresh(now)
+        pose = self._map.pose
+        self._check(mapper, now)
+        decided = False
+        if orders.moving:
+            broken = next((fault for fault in self._faults if fault.kind not in _MENDED_BY_PLANNING), None)
+            if broken is not None:
+                self._stand(broken.reason)
+                self._next = now
+            elif mapper is None or pose is None:
+                self._stand(diagnose(mapper, pose, self._mapping).text)
+            elif self._due(mapper, pose, now):
+                decided = self._decide(mapper, pose, now)
+        return self._outcome(mapper, pose, now, decided, time.perf_counter() - began)
+
+    # The stages of a pass.
+
+    def _obey(self, now: float) -> Orders:
+        """Carry out what commands have changed since the last pass."""
+        orders = self._mission.orders
+        if orders.map_resets != self._map_resets:
+            self._map_resets = orders.map_resets
+            self._map.reset(orders.target)
+        if orders.episode != self._episode:
+            self._episode = orders.episode
+            self._begin_episode(orders, now)
+        if orders.moving and not self._was_moving:
+            self._oversight.wait(now)
+            self._next = now
+        if not orders.moving:
+            self._stand("")
+        self._was_moving = orders.moving
+        return orders
+
+    def _begin_episode(self, orders: Orders, now: float) -> None:
+        self._stand("")
+        self._checks.reset()
+        self._next, self._asked = now, None
+        if orders.phase is Phase.RETURNING and orders.home is not None:
+            self._oversight.begin(orders.home, now)
+            self.team.go_home(orders.home)
+        else:
+            self._oversight.begin(orders.target, now)
+            self._map.set_target(orders.target)
+            self.team.begin(self._mission.task, orders.target)
+
+    def _refresh(self, now: float) -> Mapper | None:
+        mapper = self._map.refresh()
+        version = self._map.statistics.integrated
+        if version != self._version:
+            self._version = version
+            self._health.updated_map(now)
+        return mapper
+
+    def _check(self, mapper: Mapper | None, now: float) -> None:
+        waypoint = self._course.waypoint if self._course else None
+        self._faults = self._health.check(now, waypoint=waypoint, is_free=None if mapper is None else _is_free(mapper))
+
+    def _due(self, mapper: Mapper, pose: Pose, now: float) -> bool:
+        """Whether it is time to decide."""
+        with self._blocked_lock:
+            blocked, self._blocked = self._blocked, ""
+        course, asked = self._course, self._asked
+        if course is None:
+            # Nowhere to go: asked again on every new map, and not more often than the rate.
+            return now >= self._next and (asked is None or asked[1] != self._version)
+        if blocked:
+            self._oversight.give_up(course, blocked, now)
+            return True
+        if any(fault.kind is FaultKind.WAYPOINT_OCCUPIED for fault in self._faults) or self._arrived(pose):
+            return True
+        if now < self._next:
+            return False
+        return asked is None or pose.distance_to(asked[0].position) > _MOVED or asked[2] != mapper.belief.known_cells
+
+    def _decide(self, mapper: Mapper, pose: Pose, now: float) -> bool:
+        """Let a planner decide where to go, and watch over its choice."""
+        self._mission.begun(pose.position)
+        self._next = now + 1.0 / self._config.rate
+        self._asked = (pose, self._version, mapper.belief.known_cells)
+        if self._at_goal(pose):
+            return False
+        place = self._place(mapper, pose)
+        try:
+            plan = self.team.plan(mapper, place, now)
+        except PlannerError as error:
+            self._health.policy_failed(error)
+            self._faults.append(Fault(FaultKind.POLICY_ERROR, str(error)))
+            self._stand(str(error))
+            # The next pass asks the fallback.
+            self._next, self._asked = now, None
+            return False
+        self._health.policy_decided()
+        if plan.status is Status.GOING and not self._oversight.allows(plan, place, now):
+            plan = self._oversight.around(mapper, place, now)
+        if plan.status is Status.GOING and plan.waypoint is not None:
+            self._go(mapper, pose, place, plan, plan.waypoint, now)
+        else:
+            self._nowhere(mapper, place, plan)
+        return True
+
+    def _place(self, mapper: Mapper, pose: Pose) -> Pose:
+        """Return where the planner shall take the robot to be, with the mapper updated there.
+
+        A robot that came as near to its waypoint as it was asked to counts as being on it. One whose own place is not
+        free by the map counts as being at the nearest place that is.
+        """
+        if self._course is not None and self._arrived(pose):
+            on_waypoint = Pose(*self._course.waypoint, pose.yaw)
+            mapper.update(on_waypoint)
+            if not mapper.stuck:
+                return on_waypoint
+        mapper.update(pose)
+        if not mapper.stuck:
+            return pose
+        place = nearest_free_place(mapper, pose, 2.0 * self._mapping.viewpoint_spacing)
+        if place is None:
+            mapper.update(pose)
+        return place or pose
+
+    def _arrived(self, pose: Pose) -> bool:
+        course = self._course
+        return course is not None and pose.distance_to(course.waypoint) <= self._config.arrival_radius
+
+    # Going.
+
+    def _go(self, mapper: Mapper, pose: Pose, place: Pose, plan: Plan, waypoint: Position, now: float) -> None:
+        """Set out for a waypoint, and look whether the robot gets anywhere."""
+        self._checks.reset()
+        self._hold = ""
+        old = self._course
+        if old is None or not self._keeps(old, mapper, pose, plan, waypoint, now):
+            regained = () if place is pose or place.position == waypoint or self._arrived(pose) else (place.position,)
+            ahead = self._drivable(mapper, waypoint, plan.path, now)
+            self._course = Course(waypoint, plan.beacon, tuple(plan.path), (*regained, waypoint, *ahead))
+        assert self._course is not None
+        vain = self._oversight.watch(mapper, place, self._course, now)
+        if vain:
+            self._oversight.give_up(self._course, vain, now)
+            self.team.relieve(now, vain)
+            self._next = now
+
+    def _keeps(self, old: Course, mapper: Mapper, pose: Pose, plan: Plan, waypoint: Position, now: float) -> bool:
+        """Whether the waypoint under way stays, because the new one saves too little."""
+        margin = self._config.switch_margin
+        if margin <= 0.0 or old.waypoint == waypoint or self._arrived(pose) or not _is_free(mapper)(old.waypoint):
+            return False
+        if not self._oversight.may_enter(pose.position, old.waypoint, now):
+            return False
+        goal = plan.beacon or waypoint
+        saved = (
+            pose.distance_to(old.waypoint) + gap(old.waypoint, goal) - pose.distance_to(waypoint) - gap(waypoint, goal)
+        )
+        return saved < margin
+
+    def _drivable(self, mapper: Mapper, start: Position, path: list[Position], now: float) -> list[Position]:
+        """Return the beginning of a path that is known to be free and allowed."""
+        kept = [start]
+        for place in path:
+            if not mapper.segment_free(kept[-1], place) or not self._oversight.may_enter(kept[-1], place, now):
+                break
+            kept.append(place)
+        return kept[1:]
+
+    # Standing.
+
+    def _nowhere(self, mapper: Mapper, place: Pose, plan: Plan) -> None:
+        """Stand, because the planner has no waypoint; after enough checks the task is over."""
+        found = diagnose(mapper, place, self._mapping)
+        exploring = self._mission.task == "exploration" and self._mission.orders.phase is not Phase.RETURNING
+        if plan.status is Status.STUCK or (exploring and not found.final):
+            self._checks.reset()
+            self._stand(plan.reason if found.final else found.text)
+            return
+        text = f"{found.text} ({plan.reason})" if exploring else plan.reason
+        done = exploring or plan.status is Status.COMPLETE
+        if self._checks.passed(self._version):
+            self._end(Phase.FINISHED if done else Phase.FAILED, text)
+        else:
+            self._stand(f"check {self._checks.count} of {self._checks.needed}: {text}")
+
+    def _at_goal(self, pose: Pose) -> bool:
+        """End the task when the robot is at its target, or home."""
+        orders = self._mission.orders
+        returning = orders.phase is Phase.RETURNING
+        goal = orders.home if returning else orders.target
+        if goal is None or pose.distance_to(goal) > self._config.goal_radius:
+            return False
+        what = "back where it began" if returning else "at its target"
+        self._end(Phase.FINISHED, f"the robot is {what}, {pose.distance_to(goal):.2f} m from the very point")
+        return True
+
+    def _end(self, phase: Phase, text: str) -> None:
+        log.info("%s: %s", phase, text)
+        self._stand("")
+        returning = self._mission.orders.phase is Phase.RETURNING
+        if phase is Phase.FINISHED and self._config.return_home and not returning:
+            self._mission.return_home(f"the task is done: {text}")
+        else:
+            self._mission.end(phase, text, self._episode)
+
+    def _stand(self, why: str) -> None:
+        self._course = None
+        self._hold = why
+
+    def _outcome(self, mapper: Mapper | None, pose: Pose | None, now: float, decided: bool, seconds: float) -> Outcome:
+        orders = self._mission.orders
+        return Outcome(
+            orders=orders,
+            hold=self._hold if orders.moving else "",
+            course=self._course if orders.moving else None,
+            planner=self.team.in_charge(now).name,
+            relieved=self.team.why_relieved if self.team.relieved(now) else "",
+            decided=decided,
+            seconds=seconds,
+            faults=tuple(self._faults),
+            mapper=mapper,
+            pose=pose,
+            checks=self._checks.count,
+            bans=self._oversight.bans(now),
+        )
+
+
+def _is_free(mapper: Mapper) -> Callable[[Position], bool]:
+    return lambda position: mapper.belief.at(position) == FREE

@@ -1,0 +1,192 @@
+"""What the robot has been told to do, and how far it has come with it."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from math import isfinite
+
+from common.errors import HDError
+from common.planners.base import Position, TaskName
+
+
+class CommandError(HDError):
+    """A command cannot be carried out now."""
+
+
+class Phase(StrEnum):
+    """What the robot does by its orders; whether something holds it meanwhile is another matter."""
+
+    IDLE = "idle"
+    """It waits for the command to start."""
+    RUNNING = "running"
+    """It explores, or goes to its target."""
+    PAUSED = "paused"
+    """It waits for the command to resume."""
+    RETURNING = "returning"
+    """It drives back to where the task began."""
+    FINISHED = "finished"
+    """The task is done."""
+    FAILED = "failed"
+    """The task cannot be done."""
+    ABORTED = "aborted"
+    """The task was ended by command."""
+
+
+MOVING = frozenset({Phase.RUNNING, Phase.RETURNING})
+
+
+@dataclass(frozen=True, slots=True)
+class Orders:
+    """The state of a mission; a new one for every change.
+
+    Attributes:
+        phase: what the robot does.
+        reason: why, in words for the operator.
+        target: of the navigation task, (x, y) in the map frame, metres.
+        home: where the task began, or None before the start.
+        episode: rises when a planner must begin anew: at a start, a new target, a reset, and on the way home.
+        map_resets: how often the map was to be forgotten.
+        paused: the phase that a resume goes back to.
+    """
+
+    phase: Phase = Phase.IDLE
+    reason: str = "waits for the command to start"
+    target: Position | None = None
+    home: Position | None = None
+    episode: int = 0
+    map_resets: int = 0
+    paused: Phase = Phase.IDLE
+
+    @property
+    def moving(self) -> bool:
+        """Whether the robot shall move."""
+        return self.phase in MOVING
+
+
+class Mission:
+    """Carries out commands on the orders; every method may be called from any thread and returns at once.
+
+    Usage::
+
+        mission = Mission("exploration")
+        mission.start()
+        while mission.orders.moving: ...
+    """
+
+    def __init__(self, task: TaskName, target: Position | None = None) -> None:
+        """Begin idle.
+
+        Args:
+            task: exploration or navigation.
+            target: of navigation, when it is known already.
+        """
+        self.task = task
+        self._lock = threading.Lock()
+        self._orders = Orders(target=target)
+
+    @property
+    def orders(self) -> Orders:
+        """The orders of this moment."""
+        return self._orders
+
+    def start(self) -> None:
+        """Begin the task; while it runs already, nothing changes.
+
+        Raises:
+            CommandError: navigation has no target yet.
+        """
+        with self._lock:
+            orders = self._orders
+            if orders.phase is Phase.RUNNING:
+                return
+            if orders.phase is Phase.PAUSED and orders.paused is Phase.RUNNING:
+                self._change(Phase.RUNNING, "resumed by command")
+                return
+            if self.task == "navigation" and orders.target is None:
+                raise CommandError("there is no target yet: send `goal X Y` first, or set decision.goal")
+            self._change(Phase.RUNNING, "started by command", new_episode=True)
+
+    def pause(self) -> None:
+        """Stop where the robot is, until `resume`.
+
+        Raises:
+            CommandError: nothing runs.
+        """
+        with self._lock:
+            phase = self._orders.phase
+            if phase is Phase.PAUSED:
+                return
+            if phase not in MOVING:
+                raise CommandError(f"there is nothing to pause, the robot is {phase}: send `start` first")
+            self._orders = replace(self._orders, paused=phase)
+            self._change(Phase.PAUSED, "paused by command")
+
+    def resume(self) -> None:
+        """Go on after `pause`.
+
+        Raises:
+            CommandError: nothing is paused.
+        """
+        with self._lock:
+            phase = self._orders.phase
+            if phase in MOVING:
+                return
+            if phase is not Phase.PAUSED:
+                raise CommandError(f"there is nothing to resume, the robot is {phase}: send `start`")
+            self._change(self._orders.paused, "resumed by command")
+
+    def abort(self) -> None:
+        """End the task where the robot is; the map stays."""
+        with self._lock:
+            self._change(Phase.ABORTED, "aborted by command")
+
+    def return_home(self, reason: str = "called home by command") -> None:
+        """Drive to where the task began.
+
+        Raises:
+            CommandError: there was no start yet.
+        """
+        with self._lock:
+            if self._orders.home is None:
+                raise CommandError("there is no home yet, it is where the task begins: send `start` first")
+            if self._orders.phase is not Phase.RETURNING:
+                self._change(Phase.RETURNING, reason, new_episode=True)
+
+    def reset(self) -> None:
+        """Forget the map and all that was decided; what the robot does goes on with a new map."""
+        with self._lock:
+            orders = self._orders
+            self._orders = replace(orders, map_resets=orders.map_resets + 1, episode=orders.episode + 1)
+
+    def goal(self, target: Position) -> None:
+        """Set the target of navigation; a robot under way goes there at once, one that waits does with `start`.
+
+        Raises:
+            CommandError: the target is not finite, or the task is exploration.
+        """
+        if self.task != "navigation":
+            raise CommandError("this bridge explores and takes no target: set decision.task=navigation and restart it")
+        if not (isfinite(target[0]) and isfinite(target[1])):
+            raise CommandError(f"a target must be two finite numbers in metres, got {target}")
+        with self._lock:
+            self._orders = replace(self._orders, target=target)
+            if self._orders.phase in {Phase.RUNNING, Phase.FINISHED, Phase.FAILED}:
+                self._change(Phase.RUNNING, f"new target ({target[0]:.2f}, {target[1]:.2f})", new_episode=True)
+
+    def begun(self, home: Position) -> None:
+        """Note where the task began; the first call after a start counts."""
+        with self._lock:
+            if self._orders.home is None:
+                self._orders = replace(self._orders, home=home)
+
+    def end(self, phase: Phase, reason: str, episode: int) -> None:
+        """End the task of an episode; nothing happens when a command was quicker."""
+        with self._lock:
+            if self._orders.episode == episode and self._orders.moving:
+                self._change(phase, reason)
+
+    def _change(self, phase: Phase, reason: str, *, new_episode: bool = False) -> None:
+        episode = self._orders.episode + int(new_episode)
+        self._orders = replace(self._orders, phase=phase, reason=reason, episode=episode)

@@ -1,0 +1,103 @@
+"""Watching over a planner's choices: places that are banned or fenced off, loops, and standstill."""
+
+from __future__ import annotations
+
+from math import hypot
+from typing import Final
+
+import numpy as np
+
+from common.geometry import Pose
+from common.mapping.mapper import Mapper
+from common.planners.base import Plan, Position, Status
+from deploy.bridge.detour import detour, useful_nodes
+from deploy.bridge.outcome import Course
+from deploy.config import DeployConfig
+from deploy.safety import Blacklist, Geofence, LoopDetector, ProgressMonitor
+
+# A place banned so often is out of reach for good.
+_HOPELESS: Final = 2
+
+
+class Oversight:
+    """Knows where the robot may go, and notices when it gets nowhere.
+
+    Attributes:
+        target: of navigation, which is never banned; None in exploration.
+    """
+
+    def __init__(self, config: DeployConfig) -> None:
+        self.target: Position | None = None
+        self._fence = Geofence(config.safety.geofence)
+        self._blacklist = Blacklist(config.safety, config.mapping.viewpoint_spacing / 2.0)
+        self._progress = ProgressMonitor(config.safety)
+        self._progress_time = config.safety.progress_time
+        self._loops = LoopDetector()
+
+    def begin(self, target: Position | None, now: float) -> None:
+        """Begin an episode: forget everything."""
+        self.target = target
+        self._blacklist.clear()
+        self._loops.reset()
+        self._progress.reset(now)
+
+    def wait(self, now: float) -> None:
+        """Count no time of standing by command as time without progress."""
+        self._progress.reset(now)
+
+    def bans(self, now: float) -> tuple[Position, ...]:
+        """Return the places that are left alone now."""
+        return tuple(ban.position for ban in self._blacklist.active(now))
+
+    def may_enter(self, start: Position, end: Position, now: float) -> bool:
+        """Whether the robot may drive straight from one position to another: not banned, and inside the fence."""
+        return self._blacklist.banned(end, now) is None and self._fence.allows(start, end)
+
+    def allows(self, plan: Plan, place: Pose, now: float) -> bool:
+        """Whether a plan leads nowhere that is banned or fenced off."""
+        beacon = plan.beacon
+        if beacon is not None and beacon != self.target and self._blacklist.banned(beacon, now) is not None:
+            return False
+        return plan.waypoint is None or self.may_enter(place.position, plan.waypoint, now)
+
+    def around(self, mapper: Mapper, place: Pose, now: float) -> Plan:
+        """Look for a way around what is banned and fenced off; wait for bans that are still young."""
+        plan = detour(mapper, place, self.target, lambda position: self.may_enter(position, position, now))
+        if plan.status is not Status.UNREACHABLE:
+            return plan
+        young = [ban for ban in self._blacklist.active(now) if ban.failures < _HOPELESS]
+        if young:
+            wait = min(ban.until for ban in young) - now
+            return Plan(Status.STUCK, reason=f"every way is blocked ({young[0].reason}); tries again in {wait:.0f} s")
+        left = [mapper.position(int(node)) for node in useful_nodes(mapper, self.target)]
+        where = "could not be reached" if any(map(self._fence.contains, left)) else "lies outside the geofence"
+        return Plan(Status.UNREACHABLE, reason=f"everything that is left {where}")
+
+    def watch(self, mapper: Mapper, pose: Pose, course: Course, now: float) -> str:
+        """Take in a decision and say why the robot gets nowhere; empty while it does get somewhere."""
+        area = mapper.explored_area
+        loop = self._loops.decide(course.waypoint, area)
+        stalled = self._progress.update(now, area, course.goal, way_to(mapper, pose, course.goal))
+        if loop is not None:
+            return f"the robot circles through {len(loop.waypoints)} waypoints without news"
+        return f"no new area and no nearer goal for {self._progress_time:g} s" if stalled else ""
+
+    def give_up(self, course: Course, why: str, now: float) -> None:
+        """Leave alone, for a while, where the robot was going in vain."""
+        for place in {course.waypoint, course.goal} - {self.target}:
+            self._blacklist.add(place, why, now)
+        self._progress.reset(now)
+        self._loops.reset()
+
+
+def way_to(mapper: Mapper, pose: Pose, goal: Position) -> float:
+    """Return the metres of way from a pose to the viewpoint nearest to a goal, and on to the goal."""
+    positions = mapper.viewpoints
+    node = int(np.hypot(positions[:, 0] - goal[0], positions[:, 1] - goal[1]).argmin())
+    start = mapper.position(mapper.robot)
+    return pose.distance_to(start) + float(mapper.distances(mapper.robot)[node]) + gap(mapper.position(node), goal)
+
+
+def gap(a: Position, b: Position) -> float:
+    """Return the straight distance between two positions, metres."""
+    return hypot(a[0] - b[0], a[1] - b[1])

@@ -1,0 +1,149 @@
+"""The planners of a robot: the one in charge, the classical one that relieves it, and the one that finds home."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+from common.errors import ConfigError, HDError
+from common.geometry import Pose
+from common.mapping.mapper import Mapper
+from common.planners.base import Plan, Planner, Position, TaskName
+from common.planners.registry import make_planner, planner_tasks
+from deploy.config import DeployConfig
+
+log = logging.getLogger(__name__)
+
+HOME_PLANNER = "astar"
+FALLBACKS: dict[TaskName, str] = {"exploration": "nearest", "navigation": "astar"}
+
+
+class PlannerError(HDError):
+    """A planner failed to decide."""
+
+
+class PlannerTeam:
+    """Asks the planner in charge; another takes over for a while when it fails or gets nowhere.
+
+    Usage::
+
+        team.begin("exploration", None)
+        plan = team.plan(mapper, pose, now)
+    """
+
+    def __init__(self, main: Planner, fallback: Planner, home: Planner, relief: float) -> None:
+        """Put a team together.
+
+        Args:
+            main: in charge.
+            fallback: relieves it.
+            home: finds the way back.
+            relief: how long a relief lasts, seconds.
+        """
+        self._main = main
+        self._fallback = fallback
+        self._home = home
+        self._relief = relief
+        self._episode: tuple[TaskName, Position | None] = ("exploration", None)
+        self._homing = False
+        self._until = float("-inf")
+        self.why_relieved = ""
+        """Why the fallback is, or last was, in charge."""
+
+    @property
+    def main(self) -> Planner:
+        """The planner in charge when nothing is wrong."""
+        return self._main
+
+    @main.setter
+    def main(self, planner: Planner) -> None:
+        """Put another planner in charge; it begins with the episode of this moment."""
+        planner.reset(*self._episode, 0)
+        self._main = planner
+
+    def begin(self, task: TaskName, target: Position | None) -> None:
+        """Begin an episode: everybody forgets everything.
+
+        Raises:
+            ConfigError: a planner does not do the task, or lacks a target.
+        """
+        self._episode = (task, target)
+        self._homing = False
+        self._until = float("-inf")
+        self._main.reset(task, target, 0)
+        self._fallback.reset(task, target, 0)
+
+    def go_home(self, home: Position) -> None:
+        """Begin the way home."""
+        self._homing = True
+        self._home.reset("navigation", home, 0)
+
+    def relieve(self, now: float, why: str) -> None:
+        """Put the fallback in charge for a while."""
+        if self._homing:
+            return
+        log.warning(
+            "planner %s is relieved by %s for %g s: %s", self._main.name, self._fallback.name, self._relief, why
+        )
+        if now >= self._until:
+            self._fallback.reset(*self._episode, 0)
+        self._until = now + self._relief
+        self.why_relieved = why
+
+    def relieved(self, now: float) -> bool:
+        """Whether the fallback is in charge."""
+        return now < self._until and not self._homing
+
+    def in_charge(self, now: float) -> Planner:
+        """Return the planner that is asked at this moment."""
+        if self._homing:
+            return self._home
+        return self._fallback if now < self._until else self._main
+
+    def plan(self, mapper: Mapper, pose: Pose, now: float) -> Plan:
+        """Decide; the mapper was updated at this pose.
+
+        Raises:
+            PlannerError: the planner in charge raised an error; the fallback is in charge from now on.
+        """
+        planner = self.in_charge(now)
+        try:
+            return planner.plan(mapper, pose)
+        except Exception as error:
+            # Whatever a planner's mistake is, a robot on its way must not end with it.
+            log.exception("planner %s failed", planner.name)
+            failure = f"planner {planner.name} failed: {type(error).__name__}: {error}"
+            self.relieve(now, failure)
+            raise PlannerError(failure) from error
+
+
+def make_team(config: DeployConfig, main: Planner | None = None) -> PlannerTeam:
+    """Make the planners that a configuration names.
+
+    Args:
+        config: whole tree.
+        main: planner in charge, instead of the one that is named.
+
+    Raises:
+        ConfigError: there is no such planner, or it does not do the task.
+        CheckpointError: a policy cannot be read.
+        WeightsError: its weights do not fit its network.
+    """
+    decision = config.decision
+    settings: dict[str, Any] = {}
+    if decision.policy is not None:
+        if not decision.planner.startswith("hdplanner"):
+            raise ConfigError(
+                f"decision.policy is for hdplanner, not {decision.planner!r}: set decision.planner=hdplanner"
+            )
+        settings["policy"] = decision.policy
+    fallback = decision.fallback or FALLBACKS[decision.task]
+    for name in (decision.planner, fallback):
+        if decision.task not in planner_tasks(name):
+            raise ConfigError(f"planner {name!r} does not do {decision.task}: choose another one")
+    return PlannerTeam(
+        main or make_planner(decision.planner, config.mapping, **settings),
+        make_planner(fallback, config.mapping),
+        make_planner(HOME_PLANNER, config.mapping),
+        config.safety.blacklist_time,
+    )
