@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,6 +100,7 @@ class Environment:
         reward: RewardConfig,
         max_steps: int,
         expert: Expert | None = None,
+        mapper: Callable[..., Mapper] = Mapper,
     ) -> None:
         """Put the parts together.
 
@@ -109,6 +111,7 @@ class Environment:
             reward: the potential kind needs an ``expert``.
             max_steps: decisions before the episode is truncated.
             expert: privileged expert for labels and for the potential reward.
+            mapper: makes the robot's mapping, called as `Mapper` is.
 
         Raises:
             ConfigError: the potential reward without an expert.
@@ -121,6 +124,7 @@ class Environment:
         self._reward = reward
         self._max_steps = max_steps
         self._expert = expert
+        self._make_mapper = mapper
         self.end = End.TRUNCATED
         self.reason = ""
 
@@ -153,7 +157,7 @@ class Environment:
         self.pose = self._simulator.reset(world, seed)
         self.positions = [self.pose.position]
         width, height = world.size
-        self.mapper = Mapper(
+        self.mapper = self._make_mapper(
             self._mapping,
             lattice_origin=world.lattice_origin,
             bounds=(*world.origin, world.origin[0] + width, world.origin[1] + height),

@@ -99,11 +99,11 @@ class Place(NamedTuple):
 Tell = Callable[[str, Place | None], None]
 
 
-def crashed(places: Sequence[Place], reason: str) -> Outcome:
-    """Return the outcome of an episode that did not end by itself, with what it had done so far."""
+def crashed(places: Sequence[Place], reason: str, kind: type[Outcome] = Outcome) -> Outcome:
+    """Return the outcome, of some kind, of an episode that did not end by itself, with what it had done so far."""
     last = places[-1] if places else Place(0.0, 0.0, 0.0, 0.0)
     waypoints = [(place.x, place.y) for place in places]
-    return Outcome(waypoints, last.distance, max(len(places) - 1, 0), False, last.explored, reason, [], crashed=True)
+    return kind(waypoints, last.distance, max(len(places) - 1, 0), False, last.explored, reason, [], crashed=True)
 
 
 def tell_nobody(event: str, place: Place | None) -> None:

@@ -52,7 +52,10 @@ class _Worker:
     """One process, its present job, and how far that has come."""
 
     def __init__(
-        self, settings: EvaluationSettings, events: queue.Queue[tuple[_Worker, dict[str, Any] | None]]
+        self,
+        settings: EvaluationSettings,
+        module: str,
+        events: queue.Queue[tuple[_Worker, dict[str, Any] | None]],
     ) -> None:
         self.ready = False
         self.job: Job | None = None
@@ -62,7 +65,7 @@ class _Worker:
         self._patience = patience(settings.time_limit)
         self._events = events
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "actors.evaluation.worker", settings.model_dump_json()],
+            [sys.executable, "-m", module, settings.model_dump_json()],
             env=process_environment(threads=1),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -138,8 +141,25 @@ class WorkerPool:
                 ...
     """
 
-    def __init__(self, settings: EvaluationSettings, workers: int) -> None:
+    def __init__(
+        self,
+        settings: EvaluationSettings,
+        workers: int,
+        *,
+        module: str = "actors.evaluation.worker",
+        kind: type[Outcome] = Outcome,
+    ) -> None:
+        """Set up.
+
+        Args:
+            settings: handed to every worker.
+            workers: number of processes.
+            module: what a worker runs; see `actors.evaluation.worker`.
+            kind: class of the outcomes that it tells.
+        """
         self._settings = settings
+        self._module = module
+        self._kind = kind
         self._count = workers
         self._events: _Events = queue.Queue()
         self._workers: list[_Worker] = []
@@ -188,14 +208,14 @@ class WorkerPool:
                 assert done is not None
                 left -= 1
                 value["waypoints"] = [(x, y) for x, y in value["waypoints"]]
-                yield done, Outcome(**value)
+                yield done, self._kind(**value)
             else:
                 worker.note(event, value)
             if worker.ready and worker.job is None and waiting:
                 worker.give(waiting.popleft())
 
     def _start(self) -> None:
-        self._workers.append(_Worker(self._settings, self._events))
+        self._workers.append(_Worker(self._settings, self._module, self._events))
 
     def _end_overdue(self) -> None:
         """End workers whose planner does not come back to say itself that it took too long."""
@@ -215,4 +235,4 @@ class WorkerPool:
         if worker.job is None:
             return None, None
         reason = worker.killed_for or f"its process ended with exit code {code}"
-        return worker.job, crashed(worker.places, reason)
+        return worker.job, crashed(worker.places, reason, self._kind)

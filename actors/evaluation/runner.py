@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from actors.evaluation.episode import Outcome
 from actors.evaluation.journal import Journal
@@ -48,7 +49,12 @@ class Evaluation:
         evaluation.run(jobs=4, watch=lambda progress: ...)
         for planner, outcomes in evaluation.crashes().items():
             ...
+
+    Subclasses of another protocol say what their workers run, what these tell, and how results are written.
     """
+
+    worker_module: ClassVar[str] = "actors.evaluation.worker"
+    outcome_kind: ClassVar[type[Outcome]] = Outcome
 
     def __init__(
         self, settings: EvaluationSettings, planners: Sequence[str], out: Path, *, overwrite: bool = False
@@ -81,7 +87,7 @@ class Evaluation:
             raise ResultsError(f"cannot use the folder {out} ({error.strerror}): choose another --out") from error
         self._out = out
         self._journals = {
-            planner: Journal.open(self._path(out, planner, "jsonl"), settings.fingerprint(planner))
+            planner: Journal.open(self._path(out, planner, "jsonl"), settings.fingerprint(planner), self.outcome_kind)
             for planner in self._planners
         }
 
@@ -138,7 +144,8 @@ class Evaluation:
         return self._path(self._out, planner, "json")
 
     def _work(self, waiting: Sequence[Job], workers: int, watch: Callable[[Progress], None] | None) -> None:
-        with WorkerPool(self._settings, workers) as pool, closing(pool.run(waiting)) as finished:
+        made = WorkerPool(self._settings, workers, module=self.worker_module, kind=self.outcome_kind)
+        with made as pool, closing(pool.run(waiting)) as finished:
             for job, outcome in finished:
                 name = self._worlds.name(job.number)
                 if outcome.crashed:
@@ -151,19 +158,23 @@ class Evaluation:
         """Write the results of every planner that has any."""
         for planner, journal in self._journals.items():
             done = [(number, journal.outcomes[number]) for number in self._worlds.numbers if number in journal.outcomes]
-            episodes = [outcome.result(self._worlds.name(number)) for number, outcome in done if outcome.waypoints]
-            if episodes:
-                settings = self._settings
-                results = Results(
-                    task=settings.task.name,
-                    metres_per_pixel=settings.metres_per_pixel,
-                    sensor_range_m=settings.mapping.sensor_range,
-                    planner=planner,
-                    commit=", ".join(journal.commits),
-                    seed=settings.seed,
-                    episodes=episodes,
-                )
-                write_results(self.results_file(planner), results)
+            named = [(self._worlds.name(number), outcome) for number, outcome in done if outcome.waypoints]
+            if named:
+                self._write_results(planner, ", ".join(journal.commits), named)
+
+    def _write_results(self, planner: str, commit: str, named: Sequence[tuple[str, Outcome]]) -> None:
+        """Write the results file of a planner, from its outcomes with the names of their worlds."""
+        settings = self._settings
+        results = Results(
+            task=settings.task.name,
+            metres_per_pixel=settings.metres_per_pixel,
+            sensor_range_m=settings.mapping.sensor_range,
+            planner=planner,
+            commit=commit,
+            seed=settings.seed,
+            episodes=[outcome.result(name) for name, outcome in named],
+        )
+        write_results(self.results_file(planner), results)
 
     @staticmethod
     def _path(folder: Path, planner: str, suffix: str) -> Path:

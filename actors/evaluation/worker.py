@@ -14,8 +14,9 @@ import os
 import sys
 import threading
 import traceback
+from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any
+from typing import Any, ClassVar
 
 from actors.environment import Environment
 from actors.evaluation.episode import Outcome, Place, Tell, crashed, run_episode, tell_nobody
@@ -25,6 +26,7 @@ from actors.evaluation.worlds import WorldSet
 from actors.maps.generators import make_generator
 from actors.maps.grid_map import GridMap
 from actors.process import follow_parent
+from actors.simulators.base import Simulator
 from actors.simulators.factory import make_simulator
 from actors.tasks import make_task
 from common.config.schema import RewardConfig
@@ -45,11 +47,13 @@ class Worker:
         tell: called with events as `run_episode` describes them.
     """
 
+    outcome_kind: ClassVar[type[Outcome]] = Outcome
+
     def __init__(self, settings: EvaluationSettings, tell: Tell) -> None:
         self._settings = settings
         self._tell = tell
         self._worlds = WorldSet.open(settings.maps, settings.task.name, settings.metres_per_pixel, settings.limit)
-        self._simulator = make_simulator(settings.simulator, settings.mapping.sensor_range)
+        self._simulator = self._make_simulator()
         self._planners: dict[str, Planner | OmniscientReference] = {}
 
     def run(self, planner: str, number: int) -> Outcome:
@@ -66,14 +70,17 @@ class Worker:
             world = self._worlds.load(number)
             return self._episode(decider, world, self._settings.episode_seed(number), tell)
         except HDError as error:
-            return crashed(places, f"{error}")
+            return crashed(places, f"{error}", self.outcome_kind)
         except Exception as error:  # noqa: BLE001 - one planner's fault must not end the other episodes
             log.error("planner %s in world %d:\n%s", planner, number, traceback.format_exc().rstrip())
-            return crashed(places, f"{type(error).__name__}: {error}")
+            return crashed(places, f"{type(error).__name__}: {error}", self.outcome_kind)
 
     def close(self) -> None:
         """Release the simulator."""
         self._simulator.close()
+
+    def _make_simulator(self) -> Simulator:
+        return make_simulator(self._settings.simulator, self._settings.mapping.sensor_range)
 
     def _planner(self, name: str) -> Planner | OmniscientReference:
         """Return a planner; a new one first decides a few times in a small world, so that all kernels are compiled."""
@@ -105,8 +112,13 @@ class Worker:
         return run_episode(environment, planner, world, seed=seed, time_limit=limit, tell=tell)
 
 
-def main(arguments: list[str]) -> int:
-    """Serve jobs until standard input ends; return the exit code."""
+def serve(make: Callable[[str, Tell], Worker], settings: str) -> int:
+    """Serve jobs until standard input ends; return the exit code.
+
+    Args:
+        make: makes the worker from its settings and what it tells its events to.
+        settings: of the evaluation, JSON.
+    """
     setup_logging(os.environ.get("HD_LOG_LEVEL", "warning"))
     # Libraries that print must not get into the events: those go to the real standard output, prints to the log.
     events = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
@@ -118,7 +130,7 @@ def main(arguments: list[str]) -> int:
         events.flush()
 
     try:
-        worker = Worker(EvaluationSettings.model_validate_json(arguments[0]), tell)
+        worker = make(settings, tell)
     except HDError as error:
         tell("unusable", str(error))
         return 1
@@ -130,7 +142,12 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-if __name__ == "__main__":
-    code = main(sys.argv[1:])
+def main(make: Callable[[str, Tell], Worker]) -> None:
+    """Serve with the settings of the command line, and end the process."""
+    code = serve(make, sys.argv[1])
     sys.stderr.flush()
     os._exit(code)
+
+
+if __name__ == "__main__":
+    main(lambda settings, tell: Worker(EvaluationSettings.model_validate_json(settings), tell))

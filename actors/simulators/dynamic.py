@@ -76,6 +76,11 @@ class DynamicSimulator:
         return self._loaded()[0].pose
 
     @property
+    def time(self) -> float:
+        """Simulated seconds since the simulator was made; a reset does not turn it back."""
+        return self._time
+
+    @property
     def collisions(self) -> int:
         """Contacts with the world that began since the last `reset`, `place` or begin of `drive_to`."""
         return self._collisions
