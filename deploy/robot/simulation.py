@@ -95,7 +95,7 @@ class SimulatedRobot(Closing):
         self._simulator = _simulator(options, config)
         self.interval = _control_interval()
         self.base = DriveBase(options)
-        self.follower = WaypointFollower(config.driving) if options.follows(config) else None
+        self.follower = WaypointFollower(config.driving, options.command_timeout) if options.follows(config) else None
         self._steps = 0
         self._truth = self._simulator.reset(self.world, options.seed)
         self._odometry = Odometry(self._truth, options.odometry_drift, options.seed)
@@ -104,6 +104,9 @@ class SimulatedRobot(Closing):
             if config.topics.map
             else None
         )
+        if self._slam is not None:
+            # The first look compiles, which must not happen while time runs.
+            self._slam.look(self._truth)
         self._obstacles = np.zeros((0, 2))
         self.distance = 0.0
         self._lidar_timer = _Timer(options.scan_rate)
@@ -143,7 +146,8 @@ class SimulatedRobot(Closing):
         time = self.time
         before = self._truth
         if self.follower is not None and self._follow_timer.due(time):
-            wish = self.follower.command(before, self.base.commanded, self._obstacles, 1.0 / self._config.driving.rate)
+            period = 1.0 / self._config.driving.rate
+            wish = self.follower.command(before, self.base.commanded, self._obstacles, period, now)
             self.base.receive(*wish, now, time)
         truth = self._simulator.advance(*self.base.advance(now, time, self.interval))
         self._steps += 1

@@ -1,0 +1,125 @@
+"""`hd-deploy robot`: a simulated robot behind the topics of a real one."""
+
+from __future__ import annotations
+
+import os
+import threading
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from pydantic import ValidationError
+
+from common.cli import command_errors
+from common.errors import ConfigError
+from common.logs import setup_logging
+from deploy.config import DeployConfig
+from deploy.profiles import load_deploy_config
+from deploy.robot.options import RobotOptions
+
+DEFAULTS = RobotOptions()
+ENDPOINT = "tcp/127.0.0.1:7447"
+
+EXAMPLES = """
+Examples:
+
+  hd-deploy robot                                   a small office, ROS 2 topics of the profile `bare`
+
+  hd-deploy robot --profile cmu --map hall.png      the CMU stack's topics; drives to /way_point itself
+
+  hd-deploy robot --map "generator:forest?seed=7" --speed-factor 3 --range-noise 0.02
+
+  hd-deploy robot --connect tcp/10.0.0.5:7447       join the rmw_zenohd router of a ROS 2 system
+"""
+
+
+@command_errors
+def robot(
+    world: Annotated[
+        str, typer.Option("--map", help="PNG map, folder of maps, or generator:NAME[?key=value&...].")
+    ] = DEFAULTS.map,
+    profile: Annotated[str | None, typer.Option(help="Topics and frames: bare, cmu or nav2. [default: bare]")] = None,
+    config: Annotated[Path | None, typer.Option(help="TOML or JSON file, the bridge's own.")] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter, as for the bridge.")
+    ] = None,
+    connect: Annotated[
+        list[str] | None, typer.Option(help="Join the router at this endpoint instead of being one.")
+    ] = None,
+    listen: Annotated[
+        list[str] | None, typer.Option(help=f"Be the router at this endpoint. [default: {ENDPOINT}]")
+    ] = None,
+    metres_per_pixel: Annotated[float, typer.Option(help="Scale of the map.")] = DEFAULTS.metres_per_pixel,
+    seed: Annotated[int, typer.Option(help="Number of the world in its source, and seed of all noise.")] = 0,
+    speed_factor: Annotated[float, typer.Option(help="Times faster than real time.")] = 1.0,
+    layers: Annotated[
+        int | None, typer.Option(help="Lidar layers, 1 or 16. [default: 16 where the profile has point clouds]")
+    ] = None,
+    rays: Annotated[int, typer.Option(help="Beams of a turn.")] = DEFAULTS.rays,
+    scan_rate: Annotated[float, typer.Option(help="Scans per second, Hz.")] = DEFAULTS.scan_rate,
+    range_noise: Annotated[float, typer.Option(help="Standard deviation of ranges, m.")] = 0.0,
+    odometry_drift: Annotated[float, typer.Option(help="Error of odometry, m per m and rad per square root of m.")] = 0,
+    sensor_latency: Annotated[float, typer.Option(help="Delay of sensor messages, s.")] = 0.0,
+    command_latency: Annotated[float, typer.Option(help="Delay of commands, s.")] = 0.0,
+    command_timeout: Annotated[
+        float, typer.Option(help="The base stops without velocities for so long, s.")
+    ] = DEFAULTS.command_timeout,
+    follow: Annotated[
+        bool | None,
+        typer.Option(
+            "--follow/--no-follow",
+            help="Drive to waypoints itself. [default: where the profile's bridge does not drive]",
+        ),
+    ] = None,
+    seconds: Annotated[float | None, typer.Option(help="End after so many seconds of the robot.")] = None,
+    log_level: Annotated[str | None, typer.Option(help="debug, info, warning or error.")] = None,
+) -> None:
+    """Simulate a robot under physics behind the ROS 2 topics of a real one. Ctrl-C ends it."""
+    setup_logging(log_level)
+    try:
+        from deploy.robot.process import run_robot, stopping_signals
+    except ModuleNotFoundError as error:
+        raise ConfigError(
+            f"hd-deploy robot needs {error.name}, which is not installed: pip install 'hdplanner[actor,pybullet,robot]'"
+        ) from error
+
+    options = checked_options(
+        {
+            "map": world,
+            "metres_per_pixel": metres_per_pixel,
+            "seed": seed,
+            "speed_factor": speed_factor,
+            "layers": layers,
+            "rays": rays,
+            "scan_rate": scan_rate,
+            "range_noise": range_noise,
+            "odometry_drift": odometry_drift,
+            "sensor_latency": sensor_latency,
+            "command_latency": command_latency,
+            "command_timeout": command_timeout,
+            "follow": follow,
+        }
+    )
+    resolved = robot_config(load_deploy_config(config, settings or (), os.environ, profile), connect, listen)
+    stop = threading.Event()
+    with stopping_signals(stop):
+        run_robot(options, resolved, stop, seconds)
+
+
+def checked_options(values: dict[str, object]) -> RobotOptions:
+    """Validate options; `ConfigError` names the first wrong one as the command line spells it."""
+    try:
+        return RobotOptions.model_validate(values)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        option = "--" + str(problem["loc"][0]).replace("_", "-")
+        message = problem["msg"][0].lower() + problem["msg"][1:]
+        raise ConfigError(f"{option}: {message}, got {problem['input']!r}") from None
+
+
+def robot_config(config: DeployConfig, connect: list[str] | None, listen: list[str] | None) -> DeployConfig:
+    """Return the bridge's configuration as the robot uses it: it is the router, unless it is to join one."""
+    if connect and listen:
+        raise ConfigError("--connect joins a router and --listen is one: give one of the two")
+    endpoints = {"connect": tuple(connect or ()), "listen": () if connect else tuple(listen or [ENDPOINT])}
+    return config.model_copy(update={"ros": config.ros.model_copy(update=endpoints)})
