@@ -2,51 +2,234 @@
 
 from __future__ import annotations
 
+import logging
+import select
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import replace
+from typing import Any, Final
+
 from common.closing import Closing
-from deploy.config import DeployConfig
-from deploy.safety.gate_state import GateState
+from common.errors import ConfigError, HDError
+from deploy.config import DeployConfig, RosConfig
+from deploy.ros2 import Node
+from deploy.safety.channel import Channel
+from deploy.safety.gate_state import GateMode, GateState
+from deploy.safety.output import VelocityOutput
+
+log = logging.getLogger(__name__)
+
+_START_TIMEOUT: Final = 30.0
+_CLOSE_TIMEOUT: Final = 2.0
+# The watchdog reports five times a second.
+_SILENT: Final = 1.0
+_HUNG: Final = 3.0
+_ANYWHERE: Final = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
+
+
+class SafetyError(HDError):
+    """The watchdog cannot do its work."""
+
+
+def behind_watchdog(ros: RosConfig) -> RosConfig:
+    """Return the settings for the bridge's own node: where the bridge is to listen, its watchdog does.
+
+    The robot's connection must outlive the bridge, so the watchdog holds it, and the bridge connects to the watchdog.
+    """
+    if not ros.listen:
+        return ros
+    endpoints = []
+    for endpoint in ros.listen:
+        for anywhere, here in _ANYWHERE.items():
+            endpoint = endpoint.replace(f"/{anywhere}:", f"/{here}:")  # noqa: PLW2901
+        endpoints.append(endpoint)
+    return ros.model_copy(update={"listen": (), "connect": (*endpoints, *ros.connect)})
 
 
 class VelocityGate(Closing):
     """Start the watchdog process, tell it what the bridge wishes, and hear what it does.
 
-    The watchdog owns the velocity topic (and `/stop`); the bridge itself never publishes there. No call blocks.
+    The watchdog owns the velocity topic (and `/stop`); the bridge itself never publishes there. No call but the
+    constructor and `close` blocks. A thread tells the watchdog four times per `safety.bridge_timeout` that the bridge
+    lives, and starts another watchdog should this one die.
 
     Usage::
 
-        with VelocityGate(config) as gate:
+        with VelocityGate(config) as gate, Node(behind_watchdog(config.ros)) as node:
             gate.wish(0.5, 0.1)  # at driving.rate
-            if not gate.state.clear: ...
+            if not gate.state.clear:
+                log.info("the robot is stopped: %s", gate.state.reason)
     """
 
     def __init__(self, config: DeployConfig) -> None:
-        raise NotImplementedError
+        """Start the watchdog and wait until it is at work.
+
+        Raises:
+            ConfigError: the configuration leaves it no topic to stop the robot with.
+            SafetyError: it does not start; the message says why.
+        """
+        topics = config.topics
+        if not (topics.velocity or topics.stop):
+            raise ConfigError("topics.velocity and topics.stop are both empty: name one, to stop the robot with")
+        if config.driving.enabled and not topics.velocity:
+            raise ConfigError("driving.enabled needs topics.velocity: name the topic of the robot's velocity")
+        self._config = config
+        self._lock = threading.Lock()
+        self._state = GateState(GateMode.HELD, "the watchdog has not started", alive=False)
+        self._heard = time.monotonic()
+        self._closed = threading.Event()
+        self._fallback: VelocityOutput | None = None
+        self._last_hold: str | None = None
+        self._channel, self._process = self._start("")
+        try:
+            self._wait_for_start()
+        except BaseException:
+            self._kill()
+            raise
+        self._thread = threading.Thread(target=self._keep, name="velocity-gate", daemon=True)
+        self._thread.start()
+
+    def use_when_watchdog_dies(self, node: Node) -> None:
+        """Let the bridge's node stop the robot in the seconds that a new watchdog takes to start."""
+        self._fallback = VelocityOutput(node, self._config)
 
     def wish(self, linear: float, angular: float) -> None:
         """Ask for a velocity (m/s, rad/s); it ends a hold, and is forgotten after `safety.bridge_timeout`."""
-        raise NotImplementedError
+        self._last_hold = None
+        self._send("wish", linear=float(linear), angular=float(angular))
 
     def hold(self, reason: str) -> None:
         """Ask for zero velocity until the next `wish` or `resume`."""
-        raise NotImplementedError
+        self._last_hold = reason
+        self._send("hold", reason=reason)
 
     def resume(self) -> None:
         """End a hold without a wish, when the robot's own stack drives."""
-        raise NotImplementedError
+        self._last_hold = None
+        self._send("resume")
 
     def emergency_stop(self, reason: str) -> None:
         """Latch the emergency stop, as a message on its topic does."""
-        raise NotImplementedError
+        self._send("emergency_stop", reason=reason)
 
     def release(self) -> None:
         """Release the emergency stop; it latches again if its topic says so again."""
-        raise NotImplementedError
+        self._send("release")
 
     @property
     def state(self) -> GateState:
-        """What the watchdog said last; `alive` is false while there is none."""
-        raise NotImplementedError
+        """What the watchdog said last; `alive` is false while it is dead or silent."""
+        with self._lock:
+            state, age = self._state, time.monotonic() - self._heard
+        if state.alive and age > _SILENT:
+            return replace(state, alive=False, reason="the watchdog does not answer")
+        return state
+
+    @property
+    def pid(self) -> int:
+        """Process number of the watchdog."""
+        return self._process.pid
 
     def close(self) -> None:
-        """End the watchdog in order: it sends zeros once more and ends."""
-        raise NotImplementedError
+        """End the watchdog in order: it sends zeros a little longer and ends."""
+        if self._closed.is_set():
+            return
+        self._closed.set()
+        self._thread.join(_CLOSE_TIMEOUT)
+        self._send("finish")
+        try:
+            self._process.wait(_CLOSE_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            log.warning("the watchdog does not end: it is killed")
+        self._kill()
+
+    def _start(self, emergency_stop: str) -> tuple[Channel, subprocess.Popen[bytes]]:
+        ours, theirs = Channel.pair()
+        with theirs:
+            # A session of its own: what a terminal or a shell sends to the bridge's group does not reach it.
+            process = subprocess.Popen(
+                [sys.executable, "-m", "deploy.safety.watchdog", str(theirs.fileno())],
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+        level = logging.getLevelName(logging.getLogger().getEffectiveLevel()).lower()
+        ours.send(
+            config=self._config.model_dump_json(),
+            emergency_stop=emergency_stop,
+            log_level=level if level in {"debug", "info", "warning", "error"} else "info",
+        )
+        return ours, process
+
+    def _wait_for_start(self) -> None:
+        deadline = time.monotonic() + _START_TIMEOUT
+        while not self._state.alive:
+            if time.monotonic() > deadline:
+                raise SafetyError(
+                    f"the watchdog process did not start within {_START_TIMEOUT:g} s: see its log lines, and whether "
+                    f"the robot's router is there ({', '.join(self._config.ros.connect)})"
+                )
+            self._send("beat")
+            select.select([self._channel], [], [], 0.05)
+            try:
+                self._hear()
+            except EOFError:
+                raise SafetyError("the watchdog process ended as it started: see its log lines") from None
+
+    def _hear(self) -> None:
+        for packet in self._channel.receive():
+            if "failed" in packet:
+                raise SafetyError(f"the watchdog cannot start: {packet['failed']}")
+            with self._lock:
+                self._state = GateState(**packet | {"mode": GateMode(packet["mode"])})
+                self._heard = time.monotonic()
+
+    def _send(self, kind: str, **fields: Any) -> None:
+        self._channel.send(kind=kind, sent=time.monotonic(), **fields)
+
+    def _keep(self) -> None:
+        """Beat, hear reports, and replace a watchdog that died or hangs."""
+        period = self._config.safety.bridge_timeout / 4.0
+        next_beat = 0.0
+        while not self._closed.is_set():
+            now = time.monotonic()
+            if now >= next_beat:
+                self._send("beat")
+                next_beat = now + period
+            select.select([self._channel], [], [], max(0.0, next_beat - time.monotonic()))
+            try:
+                self._hear()
+                if time.monotonic() - self._heard > _HUNG:
+                    raise EOFError
+            except (EOFError, SafetyError) as error:
+                self._replace_watchdog(str(error))
+
+    def _replace_watchdog(self, why: str) -> None:
+        log.error("the watchdog is dead or hangs (%s): starting another", why or f"exit code {self._process.poll()}")
+        with self._lock:
+            latched = "latched before the watchdog was replaced" if self._state.emergency_stop else ""
+            self._state = replace(self._state, alive=False, reason="the watchdog died; another one starts")
+        self._kill()
+        self._channel, self._process = self._start(latched)
+        self._heard = time.monotonic()
+        if self._last_hold is not None:
+            self.hold(self._last_hold)
+        while not self._closed.is_set() and not self._state.alive:
+            if self._fallback is not None:
+                self._fallback.velocity(0.0, 0.0)
+                self._fallback.stop(2)
+            self._send("beat")
+            select.select([self._channel], [], [], 0.05)
+            try:
+                self._hear()
+            except (EOFError, SafetyError) as error:
+                log.error("the new watchdog ended as it started (%s): trying again", error)
+                self._closed.wait(1.0)
+                return
+
+    def _kill(self) -> None:
+        self._process.kill()
+        self._process.wait()
+        self._channel.close()

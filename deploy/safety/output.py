@@ -1,0 +1,51 @@
+"""The topics that move and stop the robot."""
+
+from __future__ import annotations
+
+from deploy.config import DeployConfig
+from deploy.ros2 import Node, Publisher, header, message
+
+
+class VelocityOutput:
+    """Publishes velocities in the robot's type, and `/stop` where the robot has it.
+
+    Only the watchdog uses it; the bridge does for the moment in which there is no watchdog.
+    """
+
+    def __init__(self, node: Node, config: DeployConfig) -> None:
+        """Declare the publishers.
+
+        Raises:
+            RosError: a topic's name is malformed.
+        """
+        topics, self._kind = config.topics, f"geometry_msgs/msg/{config.driving.message}"
+        self._distro = config.ros.distro
+        self._frame = config.frames.base
+        self._velocity: Publisher | None = node.publisher(topics.velocity, self._kind) if topics.velocity else None
+        self._stop: Publisher | None = node.publisher(topics.stop, "std_msgs/msg/Int8") if topics.stop else None
+
+    def velocity(self, linear: float, angular: float, time: float = 0.0) -> None:
+        """Publish a velocity.
+
+        Args:
+            linear: m/s.
+            angular: rad/s.
+            time: robot time for TwistStamped, seconds; 0 is what receivers take for now.
+        """
+        if self._velocity is None:
+            return
+        distro = self._distro
+        twist = message(
+            "geometry_msgs/msg/Twist",
+            distro,
+            linear=message("geometry_msgs/msg/Vector3", distro, x=linear),
+            angular=message("geometry_msgs/msg/Vector3", distro, z=angular),
+        )
+        if self._kind.endswith("Stamped"):
+            twist = message(self._kind, distro, header=header(time, self._frame), twist=twist)
+        self._velocity.publish(twist)
+
+    def stop(self, level: int) -> None:
+        """Publish the CMU stack's stop level: 0 go, 1 zero linear, 2 also zero yaw."""
+        if self._stop is not None:
+            self._stop.publish(message("std_msgs/msg/Int8", self._distro, data=level))
