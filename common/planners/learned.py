@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,23 @@ TASKS: tuple[TaskName, ...] = ("exploration", "navigation")
 REVISIT_PENALTY = 1.0
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Attention:
+    """How probable the choices of a decision were.
+
+    Attributes:
+        waypoints: positions of the waypoints to choose from, metres, shape (n, 2).
+        waypoint_probabilities: their marginals, float32, shape (n,).
+        beacons: positions of the beacons, metres, shape (m, 2).
+        beacon_probabilities: float32, shape (m,).
+    """
+
+    waypoints: NDArray[np.float64]
+    waypoint_probabilities: NDArray[np.float32]
+    beacons: NDArray[np.float64]
+    beacon_probabilities: NDArray[np.float32]
+
+
 class LearnedPlanner:
     """HDPlanner: hierarchical attention networks choose a beacon and the next viewpoint.
 
@@ -39,18 +57,26 @@ class LearnedPlanner:
 
     Attributes:
         card: what the policy is and where it comes from; of shipped policies that of the last `reset`, None before.
+        policy: the network; weights that it loads hold from the next decision on. Of shipped policies as `card`.
         rule_applied: decisions of this episode in which the rule lowered the logit of a choice.
+        attention: how probable the choices of the last decision were; None before the first.
     """
 
+    policy: Policy
+
     def __init__(
-        self, config: MappingConfig, *, policy: str | Path | None = None, revisit_penalty: float = REVISIT_PENALTY
+        self,
+        config: MappingConfig,
+        *,
+        policy: str | Path | tuple[Policy, PolicyCard] | None = None,
+        revisit_penalty: float = REVISIT_PENALTY,
     ) -> None:
         """Load a policy.
 
         Args:
             config: the mapping that the planner will be given.
             policy: weights (.safetensors) with their card beside them, as `hd-learner export` writes them; without it
-                the shipped policy of each task is used.
+                the shipped policy of each task is used. Or a policy that was read already, with its card.
             revisit_penalty: see above; 0 leaves the network alone.
 
         Raises:
@@ -66,7 +92,7 @@ class LearnedPlanner:
         self._shipped = policy is None
         self.card: PolicyCard | None = None
         if policy is not None:
-            self._policy, self.card = read_policy(Path(policy).expanduser())
+            self.policy, self.card = policy if isinstance(policy, tuple) else read_policy(Path(policy).expanduser())
             _warn_of_other_mapping(self.card, config)
         elif not shipped_tasks():
             shipped_policy("exploration")
@@ -95,7 +121,7 @@ class LearnedPlanner:
             if task not in self._held:
                 self._held[task] = read_policy(shipped_policy(task))
                 _warn_of_other_mapping(self._held[task][1], self._config)
-            self._policy, self.card = self._held[task]
+            self.policy, self.card = self._held[task]
         self._forget()
 
     def plan(self, mapper: Mapper, pose: Pose) -> Plan:
@@ -111,11 +137,17 @@ class LearnedPlanner:
         if not len(waypoints):
             return Plan(Status.STUCK, reason="the robot's viewpoint has no neighbour")
         self._note_visit(mapper)
-        decision = self._policy.decide(
+        decision = self.policy.decide(
             observation,
             greedy=True,
             rng=self._random,
             waypoint_bias=self._bias(mapper, observation, waypoints),
+        )
+        self.attention = Attention(
+            np.array([mapper.position(node) for node in waypoints.tolist()]),
+            decision.waypoint_probabilities,
+            mapper.beacons,
+            decision.beacon_probabilities,
         )
         waypoint, beacon = mapper.position(decision.waypoint), mapper.position(decision.beacon)
         node = mapper.position(mapper.robot)
@@ -129,6 +161,7 @@ class LearnedPlanner:
         self._visits: dict[Position, int] = {}
         self._known_cells = -1
         self.rule_applied = 0
+        self.attention: Attention | None = None
 
     def _direct(self, mapper: Mapper, pose: Pose, waypoint: Position) -> bool:
         reach = LONGEST_EDGE * self._config.viewpoint_spacing + TOLERANCE
