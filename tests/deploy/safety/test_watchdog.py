@@ -26,7 +26,8 @@ def driving(pair):
     robot, other, _ = pair
     other.tell("release")
     other.tell("wish", 1.0, 0.2)
-    assert eventually(lambda: robot.velocity() == (1.0, 0.2), 60.0)
+    assert eventually(lambda: other.state()["clear"] and robot.velocity() == (1.0, 0.2), 60.0)
+    time.sleep(0.1)  # the release must not overtake the test's own stop
     return pair
 
 
