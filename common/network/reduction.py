@@ -49,9 +49,7 @@ def kept_rows(
 
 
 @njit(cache=True, nogil=True)
-def renumbered(
-    neighbours: NDArray[np.int32], kept: NDArray[np.bool_], place: NDArray[np.int64]
-) -> NDArray[np.int32]:
+def renumbered(neighbours: NDArray[np.int32], kept: NDArray[np.bool_], place: NDArray[np.int64]) -> NDArray[np.int32]:
     """Return the neighbour table of the kept rows in their new numbers, -1 for a neighbour that is gone.
 
     Args:
