@@ -63,6 +63,7 @@ class LearnedPlanner:
     """
 
     policy: Policy
+    attention: Attention | None
 
     def __init__(
         self,
@@ -161,7 +162,7 @@ class LearnedPlanner:
         self._visits: dict[Position, int] = {}
         self._known_cells = -1
         self.rule_applied = 0
-        self.attention: Attention | None = None
+        self.attention = None
 
     def _direct(self, mapper: Mapper, pose: Pose, waypoint: Position) -> bool:
         reach = LONGEST_EDGE * self._config.viewpoint_spacing + TOLERANCE
