@@ -127,6 +127,8 @@ class SensingConfig(Section):
     """Frame of the point cloud: registered in the map already, or as the sensor sees it."""
     sensor_height: float = 0.4
     """Height of the lidar above the floor, metres, for clouds in the sensor's frame."""
+    pose_height: float = 0.0
+    """Height above the floor of what the odometry tells the pose of, metres; 0 for a base on the floor."""
     sensor_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """x, y (metres) and yaw (radians) of the lidar in the base frame, where TF does not tell."""
     height_min: float = 0.15
@@ -193,9 +195,11 @@ class DecisionConfig(Section):
     policy: str | None = None
     """Weights of `hdplanner`: a .safetensors file with its card, as `hd-learner export` writes them."""
     live_run: str | None = None
-    """Take weights live from the learner of this run (`hd/<run>/weights`), only when named here."""
+    """Take the weights of `hdplanner` live from the learner of this run, and only when it is named here."""
     live_connect: tuple[str, ...] = ()
     """Endpoints of that learner."""
+    live_tls: tuple[str, str, str] | None = None
+    """Files for that learner's TLS, as `hd-learner certificates` makes them: authority, certificate, key."""
     fallback: str | None = None
     """Classical planner that takes over when the planner fails, loops or makes no progress; `nearest` for exploration
     and `astar` for navigation when not given."""
@@ -209,6 +213,10 @@ class DecisionConfig(Section):
     """Navigation target (x, y) in the map frame, metres, when no topic gives one."""
     completion_checks: Annotated[int, Field(ge=1)] = 5
     """The planner must say so many times in a row, on new maps, that nothing is left before the task ends."""
+    status_rate: Positive = 2.0
+    """Messages of status per second, Hz."""
+    markers_rate: NonNegative = 1.0
+    """Markers and belief per second, Hz; 0 for none."""
     return_home: bool = False
     """Drive back to where the task began when it is done."""
     switch_margin: NonNegative = 0.0

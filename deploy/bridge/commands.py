@@ -1,0 +1,170 @@
+"""Commands to the robot: from the bus and from ROS topics, carried out in one place, each acknowledged."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+from common.errors import HDError
+from common.messages.replies import ROBOT_VERBS, ControlRequest
+from common.planners.base import Position
+from deploy.bridge.mission import CommandError, Mission
+from deploy.config import DeployConfig
+from deploy.ros2 import Message, Node, Received, RosError, message
+from deploy.ros2.conversions import pose_from_stamped, position_from
+
+log = logging.getLogger(__name__)
+
+
+class Stopper(Protocol):
+    """What commands need of `deploy.safety.VelocityGate`."""
+
+    def emergency_stop(self, reason: str) -> None:
+        """Latch the emergency stop."""
+        ...
+
+    def release(self) -> None:
+        """Release the emergency stop."""
+        ...
+
+
+class Commands:
+    """Carries commands out and answers with the state after them.
+
+    Usage::
+
+        commands = Commands(mission, gate, lambda: status.to_json())
+        commands.carry_out("goal", {"x": 4.0, "y": 2.5})
+    """
+
+    def __init__(self, mission: Mission, gate: Stopper, state: Callable[[], dict[str, Any]]) -> None:
+        """Command a mission and a watchdog; `state` makes the answer."""
+        self._mission = mission
+        self._gate = gate
+        self._state = state
+        self._plain: dict[str, Callable[[], None]] = {
+            "status": lambda: None,
+            "start": mission.start,
+            "pause": mission.pause,
+            "resume": mission.resume,
+            "abort": mission.abort,
+            "return_home": mission.return_home,
+            "reset": mission.reset,
+            "release": gate.release,
+        }
+
+    def __call__(self, request: ControlRequest) -> dict[str, Any]:
+        """Carry out a command of the bus; see `carry_out`."""
+        return self.carry_out(request.verb, request.arguments)
+
+    def carry_out(self, verb: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        """Carry out one command and return the robot's state after it.
+
+        Args:
+            verb: one of `ROBOT_VERBS`.
+            arguments: ``x`` and ``y`` of a goal, metres; perhaps a ``reason`` for a stop; else empty.
+
+        Raises:
+            CommandError: it is unknown, lacks an argument, or cannot be carried out now.
+        """
+        if verb != "status":
+            log.info("command: %s%s", verb, f" {dict(arguments)}" if arguments else "")
+        if verb == "goal":
+            self._mission.goal(_position(arguments))
+        elif verb == "stop":
+            self._gate.emergency_stop(str(arguments.get("reason", "by command"))[:200])
+        elif verb in self._plain:
+            self._plain[verb]()
+        else:
+            raise CommandError(f"a command must be one of {', '.join(ROBOT_VERBS)}, got {verb!r}")
+        return self._state()
+
+
+class TopicCommands:
+    """Takes commands from ROS topics and answers on the topic of acknowledgements.
+
+    std_msgs/String carries a verb, with `goal X Y` for targets; Bool starts; PointStamped and PoseStamped are targets.
+    An answer is JSON: ``command``, ``ok``, ``error``, ``state`` and ``reason``.
+    """
+
+    def __init__(self, commands: Commands, config: DeployConfig, node: Node) -> None:
+        """Listen to the topics that the configuration names."""
+        self._commands = commands
+        self._map_frame = config.frames.map
+        topics = config.topics
+        self._answers = (
+            node.publisher(topics.acknowledgement, "std_msgs/msg/String") if topics.acknowledgement else None
+        )
+        wanted: list[tuple[str, str, Callable[[Message, Received], None]]] = [
+            (topics.command, "std_msgs/msg/String", self._on_command),
+            (topics.start, "std_msgs/msg/Bool", self._on_start),
+            (topics.goal, "geometry_msgs/msg/PointStamped", self._on_goal),
+            (topics.goal_pose, "geometry_msgs/msg/PoseStamped", self._on_goal_pose),
+        ]
+        for topic, kind, callback in wanted:
+            if topic:
+                node.subscribe(topic, kind, callback)
+
+    def _on_command(self, command: Message, received: Received) -> None:
+        del received
+        self._answer(command.data[:200], lambda: parse(command.data))
+
+    def _on_start(self, start: Message, received: Received) -> None:
+        del received
+        if start.data:
+            self._answer("start", lambda: ("start", {}))
+
+    def _on_goal(self, goal: Message, received: Received) -> None:
+        del received
+        self._answer("goal", lambda: self._goal(goal.header.frame_id, position_from(goal)[1]))
+
+    def _on_goal_pose(self, goal: Message, received: Received) -> None:
+        del received
+        self._answer("goal", lambda: self._goal(goal.header.frame_id, pose_from_stamped(goal)[1].position))
+
+    def _goal(self, frame: str, position: Position) -> tuple[str, dict[str, Any]]:
+        if frame.lstrip("/") not in {"", self._map_frame}:
+            raise CommandError(f"a target must be given in the frame {self._map_frame!r}, got {frame!r}")
+        return "goal", {"x": position[0], "y": position[1]}
+
+    def _answer(self, text: str, read: Callable[[], tuple[str, Mapping[str, Any]]]) -> None:
+        answer: dict[str, Any] = {"command": text, "ok": True, "error": ""}
+        try:
+            state = self._commands.carry_out(*read())
+            answer |= {"state": state.get("state"), "reason": state.get("reason")}
+        except HDError as error:
+            log.warning("command %r refused: %s", text, error)
+            answer |= {"ok": False, "error": str(error)}
+        if self._answers is not None:
+            try:
+                self._answers.publish(message("std_msgs/msg/String", data=json.dumps(answer)))
+            except RosError as error:
+                log.warning("command %r could not be acknowledged: %s", text, error)
+
+
+def parse(text: str) -> tuple[str, dict[str, Any]]:
+    """Read a command as people write it: `pause`, `return-home`, `goal 3.5 -2`.
+
+    Raises:
+        CommandError: it is empty, or has words that the command does not take.
+    """
+    verb, *rest = text.replace(",", " ").split() or [""]
+    verb = verb.lower().replace("-", "_")
+    if verb == "goal":
+        if len(rest) != 2:
+            raise CommandError(f"a goal is given as `goal X Y` in metres, got {text[:80]!r}")
+        return verb, {"x": rest[0], "y": rest[1]}
+    if verb == "stop" and rest:
+        return verb, {"reason": " ".join(rest)}
+    if rest:
+        raise CommandError(f"command {verb!r} takes no arguments, got {' '.join(rest)[:80]!r}")
+    return verb, {}
+
+
+def _position(arguments: Mapping[str, Any]) -> Position:
+    try:
+        return float(arguments["x"]), float(arguments["y"])
+    except (KeyError, TypeError, ValueError):
+        raise CommandError(f"a goal needs the numbers x and y in metres, got {dict(arguments)}") from None

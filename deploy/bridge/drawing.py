@@ -1,0 +1,85 @@
+"""What the planner sees, as markers for RViz and Foxglove."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.mapping.mapper import Mapper
+from common.planners.base import Planner
+from common.planners.learned import LearnedPlanner
+from deploy.bridge.outcome import Outcome
+from deploy.ros2 import Message
+from deploy.ros2.markers import Colour, clear, cubes, lines, markers, spheres
+
+# More edges than this are thinned out to those between direct neighbours: building markers must not delay decisions.
+_MAX_EDGES: Final = 2000
+_MAX_FRONTIERS: Final = 4000
+
+_GREY: Final[Colour] = (0.5, 0.5, 0.55, 0.4)
+_VISITED: Final[Colour] = (0.35, 0.35, 0.4, 0.9)
+_PLAIN: Final[Colour] = (0.75, 0.75, 0.8, 0.9)
+_USEFUL: Final[Colour] = (0.2, 0.65, 1.0, 1.0)
+_FRONTIER: Final[Colour] = (1.0, 0.45, 0.1, 0.8)
+_BEACON: Final[Colour] = (1.0, 0.85, 0.1, 0.9)
+_BANNED: Final[Colour] = (0.9, 0.1, 0.1, 0.7)
+_WAYPOINT: Final[Colour] = (0.1, 0.9, 0.3, 1.0)
+
+
+def draw(outcome: Outcome, planner: Planner, stamp: float, frame: str, spacing: float) -> Message | None:
+    """Build a MarkerArray of graph, frontiers, beacons, attention, bans and waypoint; None while there is no map.
+
+    Args:
+        outcome: of this pass of the decision loop; its mapper is read.
+        planner: in charge; a learned one also tells the probabilities of its choices, drawn as opacity.
+        stamp: robot time, seconds.
+        frame: map frame.
+        spacing: between viewpoints, metres.
+    """
+    mapper = outcome.mapper
+    if mapper is None:
+        return None
+    size = spacing / 5.0
+    parts = [clear(stamp, frame)]
+
+    def dots(name: str, positions: NDArray[np.float64], diameter: float, colour: Colour, **more: object) -> None:
+        if len(positions):
+            parts.append(spheres(stamp, frame, name, positions, diameter, colour, **more))  # type: ignore[arg-type]
+
+    viewpoints = mapper.viewpoints
+    if not mapper.stuck:
+        observation = mapper.observe()
+        parts.append(lines(stamp, frame, "edges", viewpoints[_thinned(mapper, viewpoints)], size / 8.0, _GREY))
+        useful, visited = observation.utility > 0, observation.visited
+        dots("viewpoints", viewpoints[~useful & ~visited], size / 1.5, _PLAIN)
+        dots("visited", viewpoints[visited & ~useful], size / 1.5, _VISITED)
+        dots("useful", viewpoints[useful], size, _USEFUL)
+        dots("beacons", mapper.beacons, 2.0 * size, _BEACON)
+    frontiers = mapper.frontiers
+    if len(frontiers):
+        step = len(frontiers) // _MAX_FRONTIERS + 1
+        parts.append(cubes(stamp, frame, "frontiers", frontiers[::step], mapper.belief.resolution, _FRONTIER))
+    if isinstance(planner, LearnedPlanner) and planner.attention is not None and outcome.course is not None:
+        seen = planner.attention
+        dots("waypoint attention", seen.waypoints, 1.5 * size, _WAYPOINT, **_opacity(seen.waypoint_probabilities))
+        dots("beacon attention", seen.beacons, 3.0 * size, _BEACON, **_opacity(seen.beacon_probabilities))
+    dots("banned", np.array(outcome.bans, dtype=np.float64).reshape(-1, 2), 1.5 * size, _BANNED)
+    if outcome.course is not None:
+        dots("waypoint", np.array([outcome.course.waypoint]), 2.0 * size, _WAYPOINT)
+    return markers(parts)
+
+
+def _thinned(mapper: Mapper, viewpoints: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the edges to draw, pairs of node numbers."""
+    edges = mapper.edges
+    if len(edges) <= _MAX_EDGES:
+        return edges
+    lengths = np.hypot(*(viewpoints[edges[:, 0]] - viewpoints[edges[:, 1]]).T)
+    return edges[lengths <= lengths.min() * 1.1]
+
+
+def _opacity(probabilities: NDArray[np.float32]) -> dict[str, object]:
+    strength = probabilities / max(float(probabilities.max(initial=0.0)), 1e-6)
+    return {"colours": [(0.9, 0.2, 0.9, 0.1 + 0.9 * float(value)) for value in strength]}

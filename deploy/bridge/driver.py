@@ -1,0 +1,161 @@
+"""The driving loop: the bridge's own local planner where it drives, and a pulse for the watchdog in any case."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.closing import Closing
+from common.geometry import Pose
+from common.planners.base import Position
+from deploy.config import DeployConfig
+from deploy.driving import LocalPlanner
+from deploy.safety import HealthMonitor, VelocityGate
+
+log = logging.getLogger(__name__)
+
+
+class Surroundings(Protocol):
+    """What driving needs of `deploy.mapping.RobotMap`."""
+
+    @property
+    def pose(self) -> Pose | None:
+        """Newest pose."""
+        ...
+
+    def obstacles_near(self, pose: Pose, radius: float) -> NDArray[np.float64]:
+        """Return obstacle points in the map frame, metres, shape (n, 2)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What the decision loop wants of the driver.
+
+    Attributes:
+        route: positions to drive along, metres; empty to stand.
+        hold: why the robot stands.
+        made: when, by `time.monotonic`.
+    """
+
+    route: tuple[Position, ...]
+    hold: str
+    made: float
+
+
+class Driver(Closing):
+    """Drives along the newest route at `driving.rate`, in a thread of its own.
+
+    It stands when the loop says so, when an input is stale or the pose jumps, and when the loop itself falls silent.
+
+    Usage::
+
+        with Driver(config, robot_map, health, gate, velocity, may_move, loop.report_blocked) as driver:
+            driver.follow(outcome.course.route)
+    """
+
+    def __init__(
+        self,
+        config: DeployConfig,
+        surroundings: Surroundings,
+        health: HealthMonitor,
+        gate: VelocityGate,
+        velocity: Callable[[], tuple[float, float]],
+        may_move: Callable[[], bool],
+        on_blocked: Callable[[str], None],
+    ) -> None:
+        """Start the thread.
+
+        Args:
+            config: whole tree.
+            surroundings: pose and obstacles.
+            health: checked at every turn, so that a jump of the pose stops the robot at once.
+            gate: takes the velocities.
+            velocity: returns the measured one, (m/s, rad/s).
+            may_move: whether the orders of this moment let the robot move; a command stops it sooner than the
+                decision loop hears of it.
+            on_blocked: told when there is no way on; must not block.
+        """
+        self._config = config
+        self._surroundings = surroundings
+        self._health = health
+        self._gate = gate
+        self._velocity = velocity
+        self._may_move = may_move
+        self._on_blocked = on_blocked
+        self._planner = LocalPlanner(config.driving) if config.driving.enabled else None
+        self._patience = max(1.0, 4.0 / config.decision.rate)
+        self._wish = Wish((), "the bridge has just started", time.monotonic())
+        self._route: tuple[Position, ...] = ()
+        self._told_blocked = False
+        self._stop = threading.Event()
+        self.error = ""
+        """The last error of this thread; empty while there was none."""
+        self._thread = threading.Thread(target=self._run, name="driving", daemon=True)
+        self._thread.start()
+
+    def follow(self, route: tuple[Position, ...]) -> None:
+        """Drive along a route; to be said again at every pass of the decision loop."""
+        self._wish = Wish(route, "", time.monotonic())
+
+    def stand(self, reason: str) -> None:
+        """Stand; to be said again at every pass of the decision loop."""
+        self._wish = Wish((), reason, time.monotonic())
+
+    def close(self) -> None:
+        """Stand and end the thread."""
+        self._stop.set()
+        self._thread.join()
+        self._gate.hold("the bridge ends")
+
+    def _run(self) -> None:
+        period = 1.0 / self._config.driving.rate
+        due = time.monotonic()
+        while not self._stop.wait(max(0.0, due - time.monotonic())):
+            due = max(due + period, time.monotonic())
+            try:
+                self._turn(period)
+            except Exception as error:
+                # The robot stands, and whatever went wrong is tried again: this thread must not end.
+                self._gate.hold(f"the driving loop failed: {error}")
+                if self.error != str(error):
+                    log.exception("the driving loop failed")
+                self.error = str(error)
+
+    def _turn(self, period: float) -> None:
+        now = time.monotonic()
+        wish = self._wish
+        if now - wish.made > self._patience:
+            self._gate.hold(f"the decision loop was silent for {now - wish.made:.1f} s")
+            return
+        if not (wish.route and self._may_move()):
+            self._route = ()
+            self._gate.hold(wish.hold or "no order to move")
+            return
+        faults = self._health.check(now)
+        pose = self._surroundings.pose
+        if faults or pose is None:
+            self._gate.hold(faults[0].reason if faults else "there is no pose yet")
+            return
+        if self._planner is None:
+            self._gate.resume()
+            return
+        if wish.route[0] not in self._route:
+            # Somewhere else, not just further along the old way.
+            self._planner.reset()
+        if wish.route != self._route:
+            self._route, self._told_blocked = wish.route, False
+        reach = self._config.driving.costmap_size / 2.0
+        obstacles = self._surroundings.obstacles_near(pose, reach)
+        command = self._planner.command(pose, self._velocity(), wish.route, obstacles, period)
+        self._gate.wish(command.linear, command.angular)
+        if command.blocked and not self._told_blocked:
+            self._told_blocked = True
+            self._on_blocked(command.reason)

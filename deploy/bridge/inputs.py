@@ -1,0 +1,134 @@
+"""What the bridge hears: its callbacks only store, the decision loop does the work."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from common.geometry import Pose
+from deploy.config import DeployConfig
+from deploy.mapping import RobotMap
+from deploy.ros2 import LATCHED, RELIABLE, SENSOR, Message, Node, QoS, Received, seconds
+from deploy.ros2.conversions import grid_from, points_from, pose_from, scan_from, transforms_from
+from deploy.safety import HealthMonitor
+
+# Poses come fast; those that a busy moment leaves waiting are still good for the buffer.
+_POSES = QoS(depth=50)
+_TRANSFORMS = QoS(depth=100)
+
+
+class Inputs:
+    """Puts sensor messages and poses where the loop finds them.
+
+    The methods `take_...` take messages from anywhere, so that a recording can be fed to them as well.
+
+    Attributes:
+        velocity: measured (m/s, rad/s), zeros while no odometry told it.
+        stamp: time of the newest pose, seconds of the robot's clock; that of this machine before the first.
+    """
+
+    def __init__(self, config: DeployConfig, robot_map: RobotMap, health: HealthMonitor) -> None:
+        """Feed a map and a health monitor."""
+        self._config = config
+        self._map = robot_map
+        self._health = health
+        self._arrived: dict[str, float] = {}
+        self._lock = threading.Lock()
+        self._travelled = 0.0
+        self._last_position: tuple[float, float] | None = None
+        self.velocity = (0.0, 0.0)
+        self.stamp = time.time()
+
+    def subscribe(self, node: Node) -> None:
+        """Listen to the topics that the configuration names."""
+        topics, sensing = self._config.topics, self._config.sensing
+        by_tf = sensing.pose == "tf"
+        wanted: list[tuple[str, str, Callable[[Message, Received], None], QoS]] = [
+            (topics.odometry, "nav_msgs/msg/Odometry", self.take_odometry, _POSES),
+            (topics.tf, "tf2_msgs/msg/TFMessage", self.take_transforms, _TRANSFORMS),
+            (topics.tf_static, "tf2_msgs/msg/TFMessage", self.take_static_transforms, LATCHED),
+            (topics.scan, "sensor_msgs/msg/LaserScan", self.take_scan, SENSOR),
+            (topics.points, "sensor_msgs/msg/PointCloud2", self.take_points, SENSOR if by_tf else RELIABLE),
+            (topics.map, "nav_msgs/msg/OccupancyGrid", self.take_grid, LATCHED),
+        ]
+        for topic, kind, callback, qos in wanted:
+            if topic:
+                node.subscribe(topic, kind, callback, qos)
+
+    def ages(self) -> dict[str, float]:
+        """Return the seconds since the last message of each input that ever came."""
+        now = time.monotonic()
+        with self._lock:
+            return {name: now - arrival for name, arrival in self._arrived.items()}
+
+    @property
+    def travelled(self) -> float:
+        """Metres travelled, by the poses that came."""
+        with self._lock:
+            return self._travelled
+
+    def take_odometry(self, odometry: Message, received: Received) -> None:
+        """Take a nav_msgs/Odometry."""
+        stamp, pose, velocity = pose_from(odometry)
+        self.velocity = velocity
+        self._came("odometry", received)
+        if self._config.sensing.pose == "odometry":
+            floor = odometry.pose.pose.position.z - self._config.sensing.pose_height
+            self._map.add_pose(stamp, pose, floor)
+            self._moved(stamp, pose, received)
+
+    def take_transforms(self, transforms: Message, received: Received) -> None:
+        """Take a tf2_msgs/TFMessage of /tf."""
+        found = transforms_from(transforms)
+        self._map.add_transforms(found)
+        self._came("tf", received)
+        if self._config.sensing.pose != "tf" or not found:
+            return
+        pose = self._map.pose
+        # Only a transform of the robot's own frame tells where it is now.
+        own = [stamp for stamp, _, child, _, _ in found if child == self._config.frames.base]
+        if pose is not None and own:
+            self._moved(max(own), pose, received)
+
+    def take_static_transforms(self, transforms: Message, received: Received) -> None:
+        """Take a tf2_msgs/TFMessage of /tf_static."""
+        self._map.add_transforms(transforms_from(transforms), static=True)
+        self._came("tf_static", received)
+
+    def take_scan(self, scan: Message, received: Received) -> None:
+        """Take a sensor_msgs/LaserScan."""
+        self._map.add_scan(seconds(scan.header.stamp), scan_from(scan), scan.header.frame_id)
+        self._sensed("scan", received)
+
+    def take_points(self, cloud: Message, received: Received) -> None:
+        """Take a sensor_msgs/PointCloud2."""
+        self._map.add_points(seconds(cloud.header.stamp), points_from(cloud), cloud.header.frame_id)
+        self._sensed("points", received)
+
+    def take_grid(self, grid: Message, received: Received) -> None:
+        """Take a nav_msgs/OccupancyGrid."""
+        cells, resolution, origin = grid_from(grid)
+        self._map.add_grid(seconds(grid.header.stamp), cells, resolution, origin)
+        self._sensed("grid", received)
+
+    def _moved(self, stamp: float, pose: Pose, received: Received) -> None:
+        self.stamp = stamp
+        self._health.heard_pose(received.time, stamp, pose)
+        self._came("pose", received)
+        with self._lock:
+            last = self._last_position
+            step = 0.0 if last is None else pose.distance_to(last)
+            # Metres are added in steps of 0.2 m, so that noise of a standing robot is no way.
+            if last is None or step >= 0.2:
+                self._last_position = pose.position
+                self._travelled += step
+
+    def _sensed(self, name: str, received: Received) -> None:
+        self._came(name, received)
+        if name == self._config.sensing.source:
+            self._health.heard_sensor(received.time)
+
+    def _came(self, name: str, received: Received) -> None:
+        with self._lock:
+            self._arrived[name] = received.time

@@ -1,0 +1,140 @@
+"""A policy that follows its learner: weights are taken from the bus as they are published."""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from datetime import datetime
+from typing import Any
+
+import zenoh
+
+from common.bus.session import open_client_session
+from common.bus.spec import fetch_spec
+from common.bus.weights import WeightsPuller
+from common.closing import Closing
+from common.config.load import resolve
+from common.config.schema import BusConfig, RunConfig
+from common.errors import BusError, ConfigError, HDError
+from common.messages.weights import Weights
+from common.network.parameters import parameter_shapes
+from common.planners.learned import LearnedPlanner
+from common.policy import Policy
+from common.policy_file import PolicyCard
+from deploy.bridge.team import PlannerTeam
+from deploy.config import DeployConfig
+
+log = logging.getLogger(__name__)
+
+
+class LivePolicy(Closing):
+    """Gives a team the newest weights of a run; until the first have come, the team's own planner decides.
+
+    Usage::
+
+        with LivePolicy(config) as live:
+            live.refresh(team)  # in the decision thread, before every pass
+
+    Attributes:
+        version: policy version in use; -1 before the first.
+    """
+
+    def __init__(self, config: DeployConfig) -> None:
+        """Begin to look for the learner; nothing waits for it.
+
+        Raises:
+            ConfigError: no run, or no endpoint of its learner, is named.
+            BusError: an endpoint is malformed, or a file of TLS is missing.
+        """
+        decision = config.decision
+        if decision.live_run is None or not decision.live_connect:
+            raise ConfigError("decision.live_run needs decision.live_connect: name the learner's endpoint")
+        self._run_name = decision.live_run
+        self._task = decision.task
+        self._mapping = config.mapping
+        bus: dict[str, Any] = {}
+        if decision.live_tls is not None:
+            bus = dict(zip(("tls_ca", "tls_certificate", "tls_key"), decision.live_tls, strict=True))
+        self._session: zenoh.Session = open_client_session(BusConfig(**bus), decision.live_connect)
+        self._stop = threading.Event()
+        self._lock = threading.Lock()
+        self._found: tuple[RunConfig, WeightsPuller] | None = None
+        self._used: Weights | None = None
+        self._planner: LearnedPlanner | None = None
+        self.version = -1
+        self._thread = threading.Thread(target=self._look, name="live policy", daemon=True)
+        self._thread.start()
+
+    def refresh(self, team: PlannerTeam) -> None:
+        """Load what has come since the last call.
+
+        Weights that do not fit are logged and left alone: the policy in use stays in use.
+        """
+        with self._lock:
+            found = self._found
+        weights = None if found is None else found[1].latest()
+        if found is None or weights is None or weights is self._used:
+            return
+        self._used = weights
+        try:
+            self._load(found[0], weights, team)
+        except HDError as error:
+            log.error("weights of version %d cannot be used: %s", weights.version, error)
+            return
+        self.version = weights.version
+        log.info("policy version %d of run %r decides", weights.version, self._run_name)
+
+    def close(self) -> None:
+        """Stop following."""
+        self._stop.set()
+        self._thread.join()
+        with self._lock:
+            if self._found is not None:
+                self._found[1].close()
+        self._session.close()
+
+    def _load(self, config: RunConfig, weights: Weights, team: PlannerTeam) -> None:
+        if self._planner is not None:
+            self._planner.policy.load(weights.tensors, weights.version)
+            return
+        card = PolicyCard(
+            run=self._run_name,
+            task=config.task.name,
+            network=config.network,
+            mapping=config.mapping,
+            version=weights.version,
+            updates=weights.updates,
+            steps=0,
+            averaged=weights.averaged,
+            commit="live",
+            created=datetime.now().astimezone().isoformat(timespec="seconds"),
+        )
+        policy = Policy(config.network, weights.tensors, weights.version)
+        planner = LearnedPlanner(self._mapping, policy=(policy, card))
+        team.main = planner
+        self._planner = planner
+
+    def _look(self) -> None:
+        """Wait for the learner, and follow its weights once it has told the shape of its network."""
+        said = False
+        while not self._stop.is_set():
+            try:
+                config = resolve(json.loads(fetch_spec(self._session, self._run_name, timeout=1.0).config))
+            except BusError:
+                if not said:
+                    log.info("waiting for the learner of run %r", self._run_name)
+                said = True
+                continue
+            except HDError as error:
+                log.error("cannot follow run %r: %s", self._run_name, error)
+                return
+            if config.task.name != self._task:
+                log.error("run %r trains for %s, this robot is to do %s", self._run_name, config.task.name, self._task)
+                return
+            puller = WeightsPuller(
+                self._session, self._run_name, averaged=True, shapes=parameter_shapes(config.network)
+            )
+            with self._lock:
+                self._found = config, puller
+            return

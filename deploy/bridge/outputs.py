@@ -1,0 +1,116 @@
+"""What the bridge says: waypoint, path, beacon, status, figures, belief, markers."""
+
+from __future__ import annotations
+
+import json
+from math import atan2
+from typing import Any
+
+from common.geometry import Pose
+from common.planners.base import Position
+from deploy.bridge.mission import Phase
+from deploy.bridge.outcome import Outcome
+from deploy.bridge.status import Status
+from deploy.config import DeployConfig
+from deploy.ros2 import LATCHED, RELIABLE, Message, Node, Publisher, QoS, message
+from deploy.ros2.conversions import occupancy_grid, path, point_stamped, pose_stamped
+
+
+class Outputs:
+    """Publishes on the topics that the configuration names."""
+
+    def __init__(self, node: Node, config: DeployConfig) -> None:
+        """Declare the publishers."""
+        self._config = config
+        self._frame = config.frames.map
+        self._publishers: dict[str, Publisher] = {}
+        self._sent_pose: Position | None = None
+        self._was_going = False
+        self._next_waypoint = float("-inf")
+        for name, kind, qos in (
+            ("waypoint", "geometry_msgs/msg/PointStamped", RELIABLE),
+            ("waypoint_pose", "geometry_msgs/msg/PoseStamped", RELIABLE),
+            ("path", "nav_msgs/msg/Path", RELIABLE),
+            ("beacon", "geometry_msgs/msg/PointStamped", RELIABLE),
+            ("status", "std_msgs/msg/String", RELIABLE),
+            ("markers", "visualization_msgs/msg/MarkerArray", QoS(depth=1)),
+            ("belief", "nav_msgs/msg/OccupancyGrid", LATCHED),
+            ("speed", "std_msgs/msg/Float32", RELIABLE),
+            ("finished", "std_msgs/msg/Bool", RELIABLE),
+            ("goal_reached", "std_msgs/msg/Bool", RELIABLE),
+            ("runtime", "std_msgs/msg/Float32", RELIABLE),
+            ("explored_volume", "std_msgs/msg/Float32", RELIABLE),
+            ("travelling_distance", "std_msgs/msg/Float32", RELIABLE),
+            ("time_duration", "std_msgs/msg/Float32", RELIABLE),
+        ):
+            topic = getattr(config.topics, name)
+            if topic:
+                self._publishers[name] = node.publisher(topic, kind, qos)
+
+    def decision(self, outcome: Outcome, stamp: float, now: float) -> None:
+        """Publish where the robot goes: with every decision, and at its rate in between.
+
+        A robot that has to stand is sent to where it is, once, so that a stack of its own stops as well.
+
+        Args:
+            outcome: of this pass of the decision loop.
+            stamp: robot time, seconds.
+            now: monotonic seconds.
+        """
+        course, pose = outcome.course, outcome.pose
+        if course is None:
+            if self._was_going and pose is not None:
+                self._send_waypoint(pose.position, pose, stamp)
+                self._send("path", path(stamp, self._frame, []))
+            self._was_going = False
+            return
+        self._was_going = True
+        if not outcome.decided and now < self._next_waypoint:
+            return
+        self._next_waypoint = now + 1.0 / self._config.decision.rate
+        self._send_waypoint(course.waypoint, pose, stamp)
+        self._send("path", path(stamp, self._frame, [course.waypoint, *course.path]))
+        if course.beacon is not None:
+            self._send("beacon", point_stamped(stamp, self._frame, course.beacon))
+        self._number("speed", self._config.driving.max_speed)
+        if outcome.decided:
+            self._number("runtime", outcome.seconds)
+
+    def status(self, status: Status, outcome: Outcome, explored_volume: float) -> None:
+        """Publish the status and the figures of the CMU stack's planners."""
+        self._send("status", message("std_msgs/msg/String", data=json.dumps(status.to_json())))
+        self._number("explored_volume", explored_volume)
+        self._number("travelling_distance", status.distance)
+        self._number("time_duration", status.duration)
+        finished = outcome.orders.phase is Phase.FINISHED
+        self._send("finished", message("std_msgs/msg/Bool", data=finished))
+        if status.task == "navigation":
+            self._send("goal_reached", message("std_msgs/msg/Bool", data=finished))
+
+    def belief(self, outcome: Outcome, stamp: float) -> None:
+        """Publish the belief that the planner plans on."""
+        if outcome.mapper is not None:
+            belief = outcome.mapper.belief
+            self._send("belief", occupancy_grid(stamp, self._frame, belief.cells, belief.resolution, belief.origin))
+
+    def markers(self, drawn: Message) -> None:
+        """Publish what `drawing.draw` made."""
+        self._send("markers", drawn)
+
+    def _send_waypoint(self, position: Position, pose: Pose | None, stamp: float) -> None:
+        self._send("waypoint", point_stamped(stamp, self._frame, position))
+        # A navigation stack begins anew with every goal pose, so it hears of changes alone.
+        if position != self._sent_pose:
+            self._sent_pose = position
+            yaw = 0.0 if pose is None else pose.yaw
+            if pose is not None and position != pose.position:
+                yaw = atan2(position[1] - pose.y, position[0] - pose.x)
+            self._send("waypoint_pose", pose_stamped(stamp, self._frame, Pose(*position, yaw)))
+
+    def _number(self, name: str, value: float) -> None:
+        self._send(name, message("std_msgs/msg/Float32", data=value))
+
+    def _send(self, name: str, what: Any) -> None:
+        publisher = self._publishers.get(name)
+        if publisher is not None:
+            publisher.publish(what)
