@@ -1,5 +1,5 @@
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deploy.ros2 import LATCHED, SENSOR, Node, QoS
@@ -12,6 +12,7 @@ from tests.deploy.ros2.network import KINDS, ros
 GRID = "nav_msgs/msg/OccupancyGrid"
 segments = st.text("abzAZ_09", max_size=5).map(lambda text: "n" + text)
 topics = st.lists(segments, min_size=1, max_size=3).map(lambda parts: "/" + "/".join(parts))
+few = settings(max_examples=30)
 qualities = st.builds(QoS, st.booleans(), st.booleans(), st.integers(1, 1000))
 
 
@@ -49,6 +50,7 @@ def test_bridges_are_seen_too(endpoint):
         assert scan.qos == SENSOR
 
 
+@few
 @given(st.sampled_from(["publisher", "subscription"]), topics, st.sampled_from(KINDS), qualities, topics, segments)
 def test_tokens_of_rmw_zenoh_round_trip(role, topic, kind, qos, space, name):
     layout = RmwZenoh(0, "jazzy")
@@ -58,6 +60,7 @@ def test_tokens_of_rmw_zenoh_round_trip(role, topic, kind, qos, space, name):
     assert parse_token(layout.node_token(node)) == SeenNode(f"{space}/{name}", "abc")
 
 
+@few
 @given(st.sampled_from(["publisher", "subscription"]), topics, st.sampled_from(KINDS), qualities)
 @pytest.mark.parametrize("distro", ["humble", "jazzy"])
 def test_tokens_of_bridges_round_trip(distro, role, topic, kind, qos):
@@ -80,6 +83,7 @@ def test_services_and_strangers_are_left_out(token):
     assert graph_from([token]).endpoints == []
 
 
+@few
 @given(st.text(max_size=60), st.lists(st.text(max_size=8), max_size=14))
 def test_strange_tokens_never_fail(text, parts):
     for token in (text, "@ros2_lv/" + text, "@/x/@ros2_lv/MP/" + text, "/".join(["@ros2_lv", *parts])):

@@ -67,7 +67,7 @@ def test_defaults_serialise_and_come_back(kind, distro):
     assert same(empty, deserialize(serialize(empty, kind, distro), kind, distro))
 
 
-@settings(max_examples=50)
+@settings(max_examples=30)
 @given(st.data())
 def test_any_message_comes_back(data):
     kind = data.draw(st.sampled_from(KINDS))
@@ -87,7 +87,7 @@ def test_noise_is_no_message(kind, noise):
             assert kind in str(error)
 
 
-@settings(max_examples=50)
+@settings(max_examples=30)
 @given(st.data())
 def test_damaged_messages_raise_or_parse(data):
     kind = data.draw(st.sampled_from(KINDS))

@@ -79,7 +79,7 @@ def test_latched_subscribers_take_volatile_publishers_too(endpoint):
     with Node(ros(endpoint), "early") as early, Node(ros(endpoint), "slam") as slam:
         newest = early.latest("/map2", GRID, LATCHED)
         maps = slam.publisher("/map2", GRID, RELIABLE)
-        assert repeat(maps, occupancy_grid(1.0, "map", np.zeros((2, 2)), 0.1), lambda: newest.get())
+        assert repeat(maps, occupancy_grid(1.0, "map", np.zeros((2, 2)), 0.1), newest.get)
 
 
 def test_static_transforms_of_several_broadcasters_all_arrive(endpoint):
@@ -100,7 +100,7 @@ def test_volatile_messages_are_not_kept(endpoint):
         newest = listener.latest("/chatter", "std_msgs/msg/String")
         assert newest.get() is None
         assert newest.age() == float("inf")
-        assert repeat(chatter, text("after"), lambda: newest.get())
+        assert repeat(chatter, text("after"), newest.get)
         assert newest.get()[0].data == "after"
         assert newest.age() < 10.0
 
@@ -113,7 +113,7 @@ def test_nodes_start_before_their_router():
         chatter = also.publisher("/chatter", "std_msgs/msg/String")
         chatter.publish(text("nobody there"))
         with rmw_router(port):
-            assert repeat(chatter, text("now"), lambda: newest.get())
+            assert repeat(chatter, text("now"), newest.get)
 
 
 def test_a_node_can_be_the_router():
@@ -132,7 +132,7 @@ def test_a_node_can_be_the_router():
 def test_clients_talk_through_a_router_that_forwards_no_peers(endpoint):
     with Node(ros(endpoint, mode="client"), "laptop") as laptop, Node(ros(endpoint), "robot") as robot:
         newest = laptop.latest("/chatter", "std_msgs/msg/String")
-        assert repeat(robot.publisher("/chatter", "std_msgs/msg/String"), text("hello"), lambda: newest.get())
+        assert repeat(robot.publisher("/chatter", "std_msgs/msg/String"), text("hello"), newest.get)
 
 
 def test_clients_wait_for_their_router():
@@ -154,7 +154,7 @@ def test_domains_and_types_are_kept_apart(endpoint):
         other_type = b.latest("/chatter", "std_msgs/msg/Bool")
         right = b.latest("/chatter", "std_msgs/msg/String")
         chatter = b.publisher("/chatter", "std_msgs/msg/String")
-        assert repeat(chatter, text("hello"), lambda: right.get())
+        assert repeat(chatter, text("hello"), right.get)
         time.sleep(0.2)
         assert other_domain.get() is None
         assert other_type.get() is None
@@ -168,7 +168,7 @@ def test_namespaces_and_remapping(endpoint):
         lidar = base.publisher("lidar", SCAN, SENSOR)
         assert lidar.topic == "/robot1/lidar"
         scan = laser_scan(1.0, "laser", Scan(np.ones(4, np.float32), 0.0, 0.1, 10.0))
-        assert repeat(lidar, scan, lambda: newest.get())
+        assert repeat(lidar, scan, newest.get)
 
 
 @LAYOUTS
@@ -215,7 +215,7 @@ def test_a_slow_callback_keeps_the_newest_messages(endpoint):
         other = listener.latest("/chatter", "std_msgs/msg/String")
         count = talker.publisher("/count", "std_msgs/msg/Float32")
         chatter = talker.publisher("/chatter", "std_msgs/msg/String")
-        assert repeat(chatter, text("hello"), lambda: other.get())
+        assert repeat(chatter, text("hello"), other.get)
         for number in range(50):
             count.publish(message("std_msgs/msg/Float32", data=float(number)))
         assert eventually(lambda: subscription.dropped >= 46)
@@ -228,7 +228,7 @@ def test_closed_subscriptions_receive_no_more(endpoint):
     with Node(ros(endpoint), "talker") as talker, Node(ros(endpoint), "listener") as listener:
         newest = listener.latest("/chatter", "std_msgs/msg/String")
         chatter = talker.publisher("/chatter", "std_msgs/msg/String")
-        assert repeat(chatter, text("one"), lambda: newest.get())
+        assert repeat(chatter, text("one"), newest.get)
         newest.close()
         newest.close()
         chatter.publish(text("two"))
