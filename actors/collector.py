@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,11 @@ from actors.environment import Environment
 from actors.episode import Role, run_episode
 from actors.expert import make_expert
 from actors.maps.grid_map import GridMap
-from actors.maps.sources import fixed_set, open_sources
+from actors.maps.sources import MapSource, fixed_set, open_sources
 from actors.recorder import Recorder
 from actors.simulators.factory import make_simulator
 from actors.tasks import make_task
-from common.config.schema import RunConfig
+from common.config.schema import MapsConfig, RunConfig
 from common.errors import MapError
 from common.messages.experience import Chunk, EpisodeReport
 from common.policy import Policy
@@ -27,6 +28,21 @@ log = logging.getLogger(__name__)
 
 # Unusable maps in a row before the source counts as broken.
 MAX_BAD_MAPS = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Arena:
+    """Where episodes of one task take place.
+
+    Attributes:
+        task: name of the task.
+        source: of its worlds.
+        environment: runs its episodes.
+    """
+
+    task: str
+    source: MapSource
+    environment: Environment
 
 
 class Collector:
@@ -66,9 +82,6 @@ class Collector:
         self._rng = np.random.default_rng(seed)
         self._updates = 0
         evaluate = role == "evaluate"
-        specs = config.maps.validation if evaluate else config.maps.train
-        self._source = open_sources(specs, config.maps.metres_per_pixel, config.task.name)
-        self.worlds: list[GridMap] = fixed_set(self._source, config.maps.validation_count) if evaluate else []
         self._simulator = make_simulator(config.simulator, config.mapping.sensor_range, gui)
         fidelity = f"-{config.simulator.fidelity}" if config.simulator.name == "pybullet" else ""
         self.simulator_name = config.simulator.name + fidelity
@@ -76,13 +89,24 @@ class Collector:
         # Evaluation reports distance and success; it needs no privileged reward.
         reward = config.reward.model_copy(update={"kind": "paper"}) if evaluate else config.reward
         privileged = not evaluate and (config.cloning.enabled or reward.kind == "potential")
-        self._environment = Environment(
-            self._simulator,
-            config.mapping,
-            make_task(config.task),
-            reward,
-            config.task.max_steps,
-            make_expert(config.task, config.mapping) if privileged else None,
+        self._arenas = [
+            Arena(
+                task.name,
+                open_sources(_specs(config.maps, task.name, evaluate), config.maps.metres_per_pixel, task.name),
+                Environment(
+                    self._simulator,
+                    config.mapping,
+                    make_task(task),
+                    reward,
+                    task.max_steps,
+                    make_expert(task, config.mapping) if privileged else None,
+                ),
+            )
+            for task in config.tasks
+        ]
+        count = -(-config.maps.validation_count // len(self._arenas))
+        self.worlds: list[tuple[Arena, GridMap]] = (
+            [(arena, world) for arena in self._arenas for world in fixed_set(arena.source, count)] if evaluate else []
         )
         self._recorder = Recorder(config.actor.chunk_steps, deliver)
         self._policy_driver = PolicyDriver(self.policy, self._rng, greedy=evaluate)
@@ -114,19 +138,21 @@ class Collector:
         driver: Driver = self._policy_driver
         if imitating and self._rng.random() < cloning.expert_episodes:
             driver = self._expert_driver
+        arena = self._arenas[self.episodes % len(self._arenas)]
         for _ in range(MAX_BAD_MAPS):
             try:
-                world = self._source.draw(self._rng)
-                return self._run(world, driver, int(self._rng.integers(2**31)), keep_on, self._recorder, label)
+                world = arena.source.draw(self._rng)
+                seed = int(self._rng.integers(2**31))
+                return self._run(arena, world, driver, seed, keep_on, self._recorder, label)
             except MapError as error:
                 log.warning("skipped a map: %s", error)
         raise MapError(
-            f"{MAX_BAD_MAPS} maps in a row of {self._source.name} cannot be used; the last reasons are above"
+            f"{MAX_BAD_MAPS} maps in a row of {arena.source.name} cannot be used; the last reasons are above"
         )
 
     def evaluate(self, index: int, keep_on: Callable[[], bool] = lambda: True) -> EpisodeReport | None:
         """Run validation world number ``index`` greedily and deliver the report; None when broken off."""
-        return self._run(self.worlds[index], self._policy_driver, index, keep_on, None, False)
+        return self._run(*self.worlds[index], self._policy_driver, index, keep_on, None, False)
 
     def close(self) -> None:
         """Release the simulator; safe to call twice."""
@@ -134,6 +160,7 @@ class Collector:
 
     def _run(
         self,
+        arena: Arena,
         world: GridMap,
         driver: Driver,
         seed: int,
@@ -147,7 +174,7 @@ class Collector:
             return going
 
         report = run_episode(
-            self._environment,
+            arena.environment,
             world,
             driver,
             self._role,
@@ -160,3 +187,12 @@ class Collector:
             self.episodes += 1
             self._deliver(report)
         return report
+
+
+def _specs(maps: MapsConfig, task: str, evaluate: bool) -> tuple[str, ...]:
+    """Return the sources of worlds for episodes of a task."""
+    if task == "navigation":
+        own = maps.validation_navigation if evaluate else maps.train_navigation
+        if own:
+            return own
+    return maps.validation if evaluate else maps.train

@@ -130,7 +130,7 @@ class Worker:
             log.info(
                 "joined run %r: %s in %s, %s",
                 spec.run,
-                config.task.name,
+                config.task_name,
                 collector.simulator_name,
                 f"evaluating on {len(collector.worlds)} worlds" if options.evaluate else "training",
             )

@@ -29,7 +29,7 @@ class PolicyCard:
 
     Attributes:
         run: name of the run that trained it.
-        task: ``exploration`` or ``navigation``.
+        task: ``exploration``, ``navigation`` or ``both``.
         network: its sizes, variant and features.
         mapping: the belief and the graph that it was trained on.
         version: policy version.
@@ -62,6 +62,11 @@ class PolicyCard:
     wall_seconds: float = 0.0
     licence: str = "Apache-2.0"
     bench: dict[str, dict[str, float]] | None = None
+
+    @property
+    def tasks(self) -> frozenset[str]:
+        """The tasks that it was trained for."""
+        return frozenset(("exploration", "navigation") if self.task == "both" else (self.task,))
 
 
 def card_from(values: Mapping[str, Any]) -> PolicyCard:

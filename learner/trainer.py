@@ -325,7 +325,7 @@ class Trainer:
         """Describe a policy of this run."""
         return PolicyCard(
             run=self.config.name,
-            task=self.config.task.name,
+            task=self.config.task_name,
             network=self.config.network,
             mapping=self.config.mapping,
             version=version,

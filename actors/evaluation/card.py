@@ -26,7 +26,7 @@ def note_bench(policy: Path, found: Sequence[Results], planner: str) -> PolicyCa
     """
     card = read_card(policy)
     own = find(found, planner)
-    if own.task != card.task:
+    if own.task not in card.tasks:
         raise ResultsError(f"the policy is for {card.task}, the results are of {own.task}: choose results of its task")
     bench = {}
     for results in found:

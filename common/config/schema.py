@@ -30,6 +30,10 @@ class MapsConfig(Section):
     """Sources of validation worlds, used by evaluating actors to choose the best checkpoint. Never the bench maps."""
     validation_count: Annotated[int, Field(ge=1, le=10_000)] = 50
     """How many validation worlds one evaluation uses."""
+    train_navigation: tuple[str, ...] = ()
+    """Sources for the navigation episodes of a run with `both_tasks`, which need targets; `train` when not given."""
+    validation_navigation: tuple[str, ...] = ()
+    """Likewise for validation; half of `validation_count` comes from either."""
     metres_per_pixel: Positive = 0.25
     """Scale of PNG maps."""
 
@@ -339,6 +343,8 @@ class RunConfig(Section):
     """The simulated robot; an actor may override it."""
     task: TaskConfig = Field(default_factory=TaskConfig)
     """What the robot must do."""
+    both_tasks: bool = False
+    """Train one policy for both tasks, on episodes of the two in turn, whatever `task.name` says."""
     reward: RewardConfig = Field(default_factory=RewardConfig)
     """The reward."""
     network: NetworkConfig = Field(default_factory=NetworkConfig)
@@ -368,6 +374,17 @@ class RunConfig(Section):
         if not ID_PATTERN.fullmatch(value):
             raise ValueError("use 1 to 64 lower-case letters, digits and dashes, such as 'office-2'")
         return value
+
+    @property
+    def tasks(self) -> tuple[TaskConfig, ...]:
+        """The tasks of its episodes."""
+        names = ("exploration", "navigation") if self.both_tasks else (self.task.name,)
+        return tuple(self.task.model_copy(update={"name": name}) for name in names)
+
+    @property
+    def task_name(self) -> str:
+        """What its policy is for: ``exploration``, ``navigation`` or ``both``."""
+        return "both" if self.both_tasks else self.task.name
 
     @property
     def contrastive_weight(self) -> float:

@@ -15,7 +15,7 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.observation import Observation
 from common.planners.base import Plan, Position, Status, TaskName
-from common.planners.lattice import LONGEST_EDGE, TOLERANCE, check_task
+from common.planners.lattice import LONGEST_EDGE, TOLERANCE, ScannedViewpoints, check_task, nothing_left
 from common.policy import Policy
 from common.policy_file import PolicyCard, read_policy
 from common.shipped import shipped_policy, shipped_tasks
@@ -107,7 +107,7 @@ class LearnedPlanner:
     @property
     def tasks(self) -> frozenset[TaskName]:
         """The tasks that its policy was trained for."""
-        trained = shipped_tasks() if self.card is None or self._shipped else {self.card.task}
+        trained = shipped_tasks() if self.card is None or self._shipped else self.card.tasks
         return frozenset(task for task in TASKS if task in trained)
 
     def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
@@ -135,6 +135,11 @@ class LearnedPlanner:
             if observation.has_target:
                 return Plan(Status.UNREACHABLE, reason="no reachable viewpoint observes a frontier or the target")
             return Plan(Status.COMPLETE, reason="no reachable viewpoint observes a frontier")
+        useful = observation.utility > 0
+        self._scanned.note(mapper, pose)
+        if not observation.target_known and self._scanned.mask(mapper.viewpoints)[useful].all():
+            status = Status.UNREACHABLE if observation.has_target else Status.COMPLETE
+            return Plan(status, reason=nothing_left(int(np.count_nonzero(useful))))
         if not len(waypoints):
             return Plan(Status.STUCK, reason="the robot's viewpoint has no neighbour")
         self._note_visit(mapper)
@@ -159,6 +164,7 @@ class LearnedPlanner:
 
     def _forget(self) -> None:
         self._random = np.random.default_rng(0)
+        self._scanned = ScannedViewpoints(self._config.viewpoint_spacing)
         self._visits: dict[Position, int] = {}
         self._known_cells = -1
         self.rule_applied = 0

@@ -100,7 +100,7 @@ class LivePolicy(Closing):
             return
         card = PolicyCard(
             run=self._run_name,
-            task=config.task.name,
+            task=config.task_name,
             network=config.network,
             mapping=config.mapping,
             version=weights.version,
@@ -129,8 +129,8 @@ class LivePolicy(Closing):
             except HDError as error:
                 log.error("cannot follow run %r: %s", self._run_name, error)
                 return
-            if config.task.name != self._task:
-                log.error("run %r trains for %s, this robot is to do %s", self._run_name, config.task.name, self._task)
+            if self._task not in [task.name for task in config.tasks]:
+                log.error("run %r trains for %s, this robot is to do %s", self._run_name, config.task_name, self._task)
                 return
             puller = WeightsPuller(
                 self._session, self._run_name, averaged=True, shapes=parameter_shapes(config.network)

@@ -1,0 +1,45 @@
+import pytest
+
+from actors.collector import Collector
+from common.config.load import load_config
+from common.messages.experience import Chunk, EpisodeReport
+
+SMALL = "generator:rooms?width=192&height=192"
+NETWORK = ["network.width=16", "network.heads=2", "network.layers=1"]
+
+
+def collector_of(preset, *, role="train", overrides=()):
+    delivered: list[Chunk | EpisodeReport] = []
+    maps = [f"maps.train={SMALL}", f"maps.validation={SMALL}", "maps.validation_count=3"]
+    config = load_config(preset=preset, overrides=[*maps, *NETWORK, *overrides])
+    return Collector(config, [0, 0], delivered.append, role=role), delivered
+
+
+@pytest.mark.parametrize("preset", ["exploration", "navigation"])
+def test_a_recipe_collects_labelled_steps_of_its_task(preset):
+    collector, delivered = collector_of(preset)
+    report = collector.collect()
+    collector.close()
+    assert report is not None
+    assert report.task == preset
+    chunks = [item for item in delivered if isinstance(item, Chunk)]
+    assert sum(chunk.steps for chunk in chunks) == report.steps
+    assert all(chunk.labels is not None for chunk in chunks)
+    assert chunks[0].observations.has_target.all() == (preset == "navigation")
+
+
+def test_the_recipe_for_both_tasks_takes_them_in_turn():
+    collector, delivered = collector_of("both")
+    tasks = [collector.collect().task for _ in range(4)]
+    collector.close()
+    assert tasks == ["exploration", "navigation"] * 2
+    with_target = {bool(item.observations.has_target[0]) for item in delivered if isinstance(item, Chunk)}
+    assert with_target == {False, True}
+
+
+def test_validation_of_both_tasks_has_worlds_of_both():
+    collector, _ = collector_of("both", role="evaluate", overrides=["task.max_steps=2"])
+    assert [arena.task for arena, _ in collector.worlds] == ["exploration"] * 2 + ["navigation"] * 2
+    tasks = [collector.evaluate(index).task for index in range(len(collector.worlds))]
+    collector.close()
+    assert tasks == ["exploration"] * 2 + ["navigation"] * 2
