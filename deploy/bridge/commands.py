@@ -10,7 +10,8 @@ from typing import Any, Protocol
 from common.errors import HDError
 from common.messages.replies import ROBOT_VERBS, ControlRequest
 from common.planners.base import Position
-from deploy.bridge.mission import CommandError, Mission
+from deploy.bridge.mission import Mission
+from deploy.bridge.words import CommandError, parse
 from deploy.config import DeployConfig
 from deploy.ros2 import Message, Node, Received, RosError, message
 from deploy.ros2.conversions import pose_from_stamped, position_from
@@ -142,25 +143,6 @@ class TopicCommands:
                 self._answers.publish(message("std_msgs/msg/String", data=json.dumps(answer)))
             except RosError as error:
                 log.warning("command %r could not be acknowledged: %s", text, error)
-
-
-def parse(text: str) -> tuple[str, dict[str, Any]]:
-    """Read a command as people write it: `pause`, `return-home`, `goal 3.5 -2`.
-
-    Raises:
-        CommandError: it is empty, or has words that the command does not take.
-    """
-    verb, *rest = text.replace(",", " ").split() or [""]
-    verb = verb.lower().replace("-", "_")
-    if verb == "goal":
-        if len(rest) != 2:
-            raise CommandError(f"a goal is given as `goal X Y` in metres, got {text[:80]!r}")
-        return verb, {"x": rest[0], "y": rest[1]}
-    if verb == "stop" and rest:
-        return verb, {"reason": " ".join(rest)}
-    if rest:
-        raise CommandError(f"command {verb!r} takes no arguments, got {' '.join(rest)[:80]!r}")
-    return verb, {}
 
 
 def _position(arguments: Mapping[str, Any]) -> Position:

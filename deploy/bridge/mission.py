@@ -7,12 +7,8 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import isfinite
 
-from common.errors import HDError
 from common.planners.base import Position, TaskName
-
-
-class CommandError(HDError):
-    """A command cannot be carried out now."""
+from deploy.bridge.words import CommandError
 
 
 class Phase(StrEnum):

@@ -61,6 +61,10 @@ class PlannerTeam:
         planner.reset(*self._episode, 0)
         self._main = planner
 
+    def members(self, task: TaskName) -> list[tuple[Planner, TaskName]]:
+        """Return all planners, each with what it will be asked for."""
+        return [(self._main, task), (self._fallback, task), (self._home, "navigation")]
+
     def begin(self, task: TaskName, target: Position | None) -> None:
         """Begin an episode: everybody forgets everything.
 

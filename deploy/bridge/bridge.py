@@ -1,0 +1,176 @@
+"""The bridge process: wires inputs, decision loop, driver, commands and outputs together, and keeps them going."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import threading
+import time
+from contextlib import ExitStack
+from dataclasses import replace
+from typing import Any, Final
+
+from common.bus.control import ControlServer
+from common.bus.liveness import declare_presence
+from common.closing import Closing
+from common.messages.replies import ROBOT_VERBS
+from deploy.bridge.commands import Commands, TopicCommands
+from deploy.bridge.decision import DecisionLoop
+from deploy.bridge.drawing import draw
+from deploy.bridge.driver import Driver
+from deploy.bridge.inputs import Inputs
+from deploy.bridge.live import LivePolicy
+from deploy.bridge.metrics import Metrics
+from deploy.bridge.mission import Mission
+from deploy.bridge.outcome import Outcome
+from deploy.bridge.outputs import Outputs
+from deploy.bridge.problems import LastProblem
+from deploy.bridge.reporter import Reporter
+from deploy.bridge.team import make_team
+from deploy.bridge.warmup import warm_up
+from deploy.config import DeployConfig
+from deploy.mapping import RobotMap
+from deploy.ros2 import Node
+from deploy.safety import Geofence, HealthMonitor, Lifecycle, LifecycleState, VelocityGate
+from deploy.safety.gate import behind_watchdog
+
+log = logging.getLogger(__name__)
+
+# Passes of the decision loop per second: what it must notice (a waypoint that is free no more) stops the robot within
+# half a second.
+_PASSES: Final = 10.0
+# A thread gives way to another this soon, seconds: the driver must not wait for a planner's arithmetic.
+_SWITCH_INTERVAL: Final = 0.001
+
+
+class Bridge(Closing):
+    """One bridge.
+
+    Usage::
+
+        with Bridge(config) as bridge:
+            bridge.run(stop)
+    """
+
+    def __init__(self, config: DeployConfig) -> None:
+        """Load the planners, start the watchdog and join the network: from unconfigured to inactive.
+
+        Raises:
+            HDError: a planner, a topic, an endpoint or the watchdog cannot be had; the message says what to do.
+        """
+        self._config = config
+        self._parts = ExitStack()
+        self._lifecycle = Lifecycle()
+        self._problems = self._parts.enter_context(LastProblem())
+        try:
+            with self._lifecycle.transition("configure"):
+                self._configure()
+        except BaseException:
+            self._parts.close()
+            raise
+
+    def run(self, stop: threading.Event) -> None:
+        """Decide until `stop` is set."""
+        due = time.monotonic()
+        while not stop.wait(max(0.0, due - time.monotonic())):
+            due = max(due + 1.0 / _PASSES, time.monotonic())
+            try:
+                self._pass()
+            except Exception as error:
+                # The robot stands and the next pass tries again; what went wrong is told by the status.
+                log.exception("a pass of the decision loop failed")
+                self._driver.stand(f"a pass of the decision loop failed: {error}")
+
+    def close(self) -> None:
+        """Stop the robot and leave: to finalized. Safe to call twice."""
+        if self._lifecycle.state is LifecycleState.FINALIZED:
+            return
+        with self._lifecycle.transition("shutdown"):
+            self._parts.close()
+
+    def status(self) -> dict[str, Any]:
+        """Return the state of this moment, ready for JSON."""
+        outcome = replace(self._outcome, orders=self._mission.orders)
+        return self._reporter.status(outcome, self._lifecycle.state.label, self._gate.state).to_json()
+
+    def _configure(self) -> None:
+        config, enter = self._config, self._parts.enter_context
+        sys.setswitchinterval(_SWITCH_INTERVAL)
+        Geofence(config.safety.geofence)
+        self._team = make_team(config)
+        self._mission = Mission(config.decision.task, config.decision.goal)
+        warm_up(config, self._team.members(config.decision.task))
+        self._map = RobotMap(config, config.decision.goal)
+        self._health = HealthMonitor(config.safety, sensor=config.sensing.source)
+        self._inputs = Inputs(config, self._map, self._health)
+        self._loop = DecisionLoop(config, self._map, self._team, self._mission, self._health)
+        self._metrics = Metrics()
+        self._live = enter(LivePolicy(config)) if config.decision.live_run is not None else None
+        self._gate = enter(VelocityGate(config))
+        node = enter(Node(behind_watchdog(config.ros), remap=config.topics.remap))
+        self._gate.use_when_watchdog_dies(node)
+        self._outputs = Outputs(node, config)
+        self._outcome = self._loop.step()
+        self._reporter = Reporter(config, self._inputs, self._metrics, self._map, self._team, self._problems)
+        self._driver = enter(
+            Driver(
+                config,
+                self._map,
+                self._health,
+                self._gate,
+                velocity=lambda: self._inputs.velocity,
+                may_move=lambda: self._mission.orders.moving,
+                on_blocked=self._loop.report_blocked,
+            )
+        )
+        self._inputs.subscribe(node)
+        commands = Commands(self._mission, self._gate, self.status)
+        TopicCommands(commands, config, node)
+        enter(ControlServer(node.session, config.name, commands, ROBOT_VERBS))
+        enter(declare_presence(node.session, config.name, "robot", config.name))
+        self._next_status = self._next_picture = 0.0
+        self._started_by_itself = False
+
+    def _pass(self) -> None:
+        """Run one pass: decide, drive, tell."""
+        now = time.monotonic()
+        if self._live is not None:
+            self._live.refresh(self._team)
+        outcome = self._outcome = self._loop.step()
+        if outcome.course is not None and not outcome.hold:
+            self._driver.follow(outcome.course.route)
+        else:
+            self._driver.stand(outcome.hold or outcome.orders.reason)
+        self._follow_orders(outcome)
+        self._metrics.moved(now, self._inputs.travelled, under_way=outcome.orders.moving)
+        if outcome.decided:
+            self._metrics.decided(outcome.seconds)
+        stamp = self._inputs.stamp
+        self._outputs.decision(outcome, stamp, now)
+        self._reporter.look(outcome)
+        if now >= self._next_status:
+            self._next_status = now + 1.0 / self._config.decision.status_rate
+            status = self._reporter.status(outcome, self._lifecycle.state.label, self._gate.state)
+            self._outputs.status(status, outcome, self._map.statistics.explored_volume)
+        rate = self._config.decision.markers_rate
+        if rate > 0.0 and now >= self._next_picture:
+            self._next_picture = now + 1.0 / rate
+            self._draw(outcome, stamp, now)
+
+    def _follow_orders(self, outcome: Outcome) -> None:
+        """Keep the lifecycle in step with the orders, and start by itself where that is wanted."""
+        state, moving = self._lifecycle.state, outcome.orders.moving
+        if moving and state is LifecycleState.INACTIVE:
+            self._lifecycle.trigger("activate")
+        elif not moving and state is LifecycleState.ACTIVE:
+            self._lifecycle.trigger("deactivate")
+        if self._config.decision.autostart and not self._started_by_itself and outcome.mapper is not None:
+            self._started_by_itself = True
+            self._mission.start()
+
+    def _draw(self, outcome: Outcome, stamp: float, now: float) -> None:
+        self._outputs.belief(outcome, stamp)
+        spacing = self._config.mapping.viewpoint_spacing
+        drawn = draw(outcome, self._team.in_charge(now), stamp, self._config.frames.map, spacing)
+        if drawn is not None:
+            self._outputs.markers(drawn)

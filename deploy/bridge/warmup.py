@@ -1,0 +1,68 @@
+"""Compile, or load from the cache, whatever a decision runs, before the robot depends on its time."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+import numpy as np
+
+from common.errors import HDError
+from common.geometry import Pose, Scan
+from common.mapping.mapper import Mapper
+from common.mapping.raycast import cast_rays, ray_angles
+from common.mapping.warmup import warm_up as warm_up_mapping
+from common.planners.base import Planner, TaskName
+from deploy.config import DeployConfig
+from deploy.driving import LocalPlanner
+from deploy.mapping import RobotMap
+
+log = logging.getLogger(__name__)
+
+_PLACES = ((4.0, 6.0), (6.0, 6.0), (8.0, 7.0))
+_BEAMS = 180
+
+
+def warm_up(config: DeployConfig, planners: list[tuple[Planner, TaskName]]) -> None:
+    """Let map, planners and local planner work once in a small world of their own.
+
+    Args:
+        config: whole tree.
+        planners: those that may be asked, each with the task it will have; they are to be reset afterwards.
+    """
+    began = time.perf_counter()
+    warm_up_mapping()
+    target = (10.0, 10.0)
+    robot_map = RobotMap(config, target)
+    free = np.zeros((60, 60), dtype=np.bool_)
+    free[2:58, 2:58] = True
+    free[20:40, 34] = False
+    angles = ray_angles(0.0, 0.0, 2.0 * np.pi / _BEAMS, _BEAMS)
+    for planner, task in planners:
+        planner.reset(task, target if task == "navigation" else None, 0)
+    for number, (x, y) in enumerate(_PLACES):
+        stamp, pose = 1.0 + number, Pose(x, y)
+        ranges = cast_rays(free, 0.2, 0.0, 0.0, x, y, angles, 6.0)
+        ends = np.stack([x + ranges * np.cos(angles), y + ranges * np.sin(angles)], axis=1)
+        robot_map.add_pose(stamp, pose)
+        if config.sensing.source == "grid":
+            robot_map.add_grid(stamp, np.where(free, 0, 100).astype(np.int8), 0.2, (0.0, 0.0, 0.0))
+        else:
+            robot_map.add_scan(stamp, Scan(ranges, 0.0, 2.0 * np.pi / _BEAMS, 6.0))
+            robot_map.add_points(stamp, np.column_stack([ends, np.full(_BEAMS, 0.5)]).astype(np.float32))
+        mapper = robot_map.refresh()
+        if mapper is not None:
+            for planner, _ in planners:
+                _try(planner, mapper, pose)
+        if config.driving.enabled:
+            local = LocalPlanner(config.driving)
+            local.command(pose, (0.0, 0.0), [(x + 1.0, y)], robot_map.obstacles_near(pose, 4.0), 0.05)
+    log.info("ready to decide after %.1f s of preparation", time.perf_counter() - began)
+
+
+def _try(planner: Planner, mapper: Mapper, pose: Pose) -> None:
+    try:
+        planner.plan(mapper, pose)
+    except HDError as error:
+        # A small world may not suit every planner; what matters is that its kernels are there.
+        log.debug("planner %s in the world of preparation: %s", planner.name, error)

@@ -1,0 +1,258 @@
+"""The command `hd-deploy`: the robot side."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from common.bus.control import request
+from common.cli import command_errors
+from common.config.describe import to_markdown, to_toml
+from common.errors import BusError
+from common.logs import setup_logging
+from deploy.bridge.words import parse
+from deploy.config import DeployConfig, RosConfig
+from deploy.profiles import DEPLOY, load_deploy_config
+from deploy.robot.cli import EXAMPLES as ROBOT_EXAMPLES
+from deploy.robot.cli import robot
+from deploy.ros2.graph import watch
+from deploy.ros2.session import open_session
+
+app = typer.Typer(
+    add_completion=True,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Let a robot explore, or go to a target: the bridge to ROS 2, its commands, a simulated robot.",
+)
+
+Profile = Annotated[
+    str | None,
+    typer.Option(
+        "--profile", help=f"Shipped parameters to build upon: {', '.join(DEPLOY.preset_names())}. [default: bare]"
+    ),
+]
+ConfigFile = Annotated[Path | None, typer.Option("--config", help="TOML or JSON file with parameters.", metavar="FILE")]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="One parameter; may be repeated.", metavar="SECTION.FIELD=VALUE"),
+]
+Connect = Annotated[
+    list[str] | None,
+    typer.Option("--connect", help="Endpoint of the robot's Zenoh router. [default: ros.connect]", metavar="ENDPOINT"),
+]
+RobotName = Annotated[str | None, typer.Option("--name", help="Name of the robot. [default: name]")]
+LogLevel = Annotated[str | None, typer.Option("--log-level", help="debug, info, warning or error.")]
+
+app.command(epilog=ROBOT_EXAMPLES)(robot)
+
+
+@app.command()
+@command_errors
+def bridge(
+    profile: Profile = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    planner: Annotated[str | None, typer.Option("--planner", help="Planner, see `hd-eval planners`.")] = None,
+    policy: Annotated[
+        Path | None, typer.Option("--policy", help="Weights of a trained policy (.safetensors); means hdplanner.")
+    ] = None,
+    goal: Annotated[
+        str | None, typer.Option("--goal", help="Go to this place instead of exploring, metres.", metavar="X,Y")
+    ] = None,
+    autostart: Annotated[bool, typer.Option("--autostart", help="Start without a command.")] = False,
+    connect: Connect = None,
+    listen: Annotated[
+        list[str] | None,
+        typer.Option("--listen", help="Be the robot's Zenoh router at this endpoint.", metavar="ENDPOINT"),
+    ] = None,
+    name: RobotName = None,
+    log_level: LogLevel = None,
+) -> None:
+    """Run the bridge on a robot's computer. Ctrl-C, or SIGTERM, stops the robot and ends it.
+
+    Examples:
+    - `hd-deploy bridge` beside a robot with /scan, /odom and /cmd_vel
+
+    - `hd-deploy bridge --profile cmu --policy office.safetensors`
+
+    - `hd-deploy bridge --profile nav2 --planner tare --set mapping.viewpoint_spacing=1.5`
+
+    - `hd-deploy bridge --goal 12.5,-3 --autostart`
+    """
+    setup_logging(log_level)
+    extra: list[str] = []
+    if policy is not None:
+        extra.append(f"decision.policy={policy}")
+    if planner is not None or policy is not None:
+        extra.append(f"decision.planner={planner or 'hdplanner'}")
+    if goal is not None:
+        extra += ["decision.task=navigation", f"decision.goal={goal}"]
+        if planner is None and policy is None and not _names(overrides, "decision.planner"):
+            extra.append("decision.planner=astar")
+    if autostart:
+        extra.append("decision.autostart=true")
+    if listen:
+        extra += [f"ros.listen={','.join(listen)}", "ros.connect="]
+    resolved = _load(profile, config, overrides, connect, name, extra)
+    from deploy.bridge.process import run_bridge
+
+    run_bridge(resolved)
+
+
+@app.command(context_settings={"ignore_unknown_options": True})
+@command_errors
+def command(
+    words: Annotated[
+        list[str],
+        typer.Argument(
+            help="start, pause, resume, abort, return-home, reset, goal X Y, stop (emergency stop), release, status.",
+            metavar="COMMAND...",
+        ),
+    ],
+    name: RobotName = None,
+    connect: Connect = None,
+    profile: Profile = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the whole status as JSON.")] = False,
+    timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds to wait for the robot.")] = 5.0,
+) -> None:
+    """Command a running bridge; it acknowledges, or says why not.
+
+    Examples:
+    - `hd-deploy command start`
+
+    - `hd-deploy command goal 12.5 -3`
+
+    - `hd-deploy command status --json | jq .explored_area`
+    """
+    verb, arguments = parse(" ".join(words))
+    resolved = _load(profile, config, overrides, connect, name)
+    try:
+        with open_session(_as_guest(resolved.ros)) as session:
+            status = request(session, resolved.name, verb, timeout, arguments, asked="robot")
+    except BusError as error:
+        raise BusError(f"{error} (asked at {', '.join(_as_guest(resolved.ros).connect)})") from None
+    if as_json:
+        typer.echo(json.dumps(status, indent=2))
+    elif verb == "status":
+        _show(status)
+    else:
+        typer.echo(f"{resolved.name}: {status['state']}: {status['reason']}")
+
+
+@app.command()
+@command_errors
+def topics(
+    connect: Connect = None,
+    profile: Profile = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    wait: Annotated[float, typer.Option("--wait", min=0.1, help="Seconds to look around.")] = 1.5,
+) -> None:
+    """List the nodes and topics on the robot's network, and what the bridge still misses there.
+
+    Example: `hd-deploy topics --profile cmu --connect tcp/192.168.1.5:7447`
+    """
+    resolved = _load(profile, config, overrides, connect, None)
+    graph = watch(_as_guest(resolved.ros), wait)
+    console = Console()
+    if not graph.nodes and not graph.endpoints:
+        raise BusError(
+            f"nobody shows up at {', '.join(_as_guest(resolved.ros).connect)}: check the endpoint, ros.domain "
+            f"({resolved.ros.domain}) and that the robot's RMW is rmw_zenoh, or a zenoh-bridge-ros2dds runs"
+        )
+    console.print(f"nodes: {', '.join(node.name for node in graph.nodes) or 'none'}")
+    table = Table("topic", "type", "publishers", "subscriptions")
+    found = graph.topics()
+    for topic, endpoints in found.items():
+        by_role = {
+            role: ", ".join(sorted({each.node for each in endpoints if each.role == role}))
+            for role in ("publisher", "subscription")
+        }
+        kinds = ", ".join(sorted({each.kind for each in endpoints}))
+        table.add_row(topic, kinds, by_role["publisher"], by_role["subscription"])
+    console.print(table)
+    published = {topic for topic, endpoints in found.items() if any(each.role == "publisher" for each in endpoints)}
+    missing = [topic for topic in _needed(resolved) if topic not in published]
+    if missing:
+        console.print(f"[yellow]nobody publishes what the bridge needs: {', '.join(missing)}[/]")
+
+
+@app.command()
+@command_errors
+def config(
+    profile: Profile = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    describe: Annotated[bool, typer.Option("--describe", help="Explain every parameter instead (Markdown).")] = False,
+) -> None:
+    """Print the resolved parameters as TOML, which `--config` reads back.
+
+    Examples:
+    - `hd-deploy config --profile nav2 > robot.toml`
+
+    - `hd-deploy config --describe | less`
+    """
+    if describe:
+        typer.echo(to_markdown(DeployConfig))
+    else:
+        typer.echo(to_toml(_load(profile, config, overrides, None, None)))
+
+
+def _load(
+    profile: str | None,
+    file: Path | None,
+    overrides: Sequence[str] | None,
+    connect: Sequence[str] | None,
+    name: str | None,
+    extra: Sequence[str] = (),
+) -> DeployConfig:
+    """Resolve the parameters; options of their own win over --set."""
+    every = [*(overrides or ()), *extra]
+    if connect:
+        every.append(f"ros.connect={','.join(connect)}")
+    if name is not None:
+        every.append(f"name={name}")
+    return load_deploy_config(file, every, os.environ, profile)
+
+
+def _names(overrides: Sequence[str] | None, path: str) -> bool:
+    return any(text.partition("=")[0].strip() == path for text in overrides or ())
+
+
+def _as_guest(ros: RosConfig) -> RosConfig:
+    """Return the settings of a command, which connects to a bridge that is the router itself, too."""
+    if not ros.listen:
+        return ros
+    return ros.model_copy(update={"listen": (), "connect": (*ros.listen, *ros.connect)})
+
+
+def _needed(config: DeployConfig) -> list[str]:
+    from deploy.ros2.names import namespace, topic_name
+
+    topics, sensing = config.topics, config.sensing
+    source = {"scan": topics.scan, "points": topics.points, "grid": topics.map}[sensing.source]
+    pose = topics.odometry if sensing.pose == "odometry" else topics.tf
+    within = namespace(config.ros.namespace)
+    return [topic_name(topic, within, topics.remap) for topic in (source, pose)]
+
+
+def _show(status: dict[str, object]) -> None:
+    table = Table(show_header=False, box=None)
+    for key, value in status.items():
+        if value not in (None, "", {}, []):
+            text = json.dumps(value, ensure_ascii=False) if isinstance(value, dict | list) else str(value)
+            table.add_row(key.replace("_", " "), text)
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    app()
