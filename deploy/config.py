@@ -250,7 +250,7 @@ class DrivingConfig(Section):
     """Distance of the point that is steered for, metres."""
     costmap_size: Positive = 8.0
     """Side of the local costmap, metres."""
-    costmap_resolution: Positive = 0.05
+    costmap_resolution: Positive = 0.1
     """Cell of the local costmap, metres."""
 
 

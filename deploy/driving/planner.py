@@ -4,12 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from math import atan2, copysign, hypot, isfinite, pi, sqrt
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.geometry import Pose
 from deploy.config import DrivingConfig
+from deploy.driving.costmap import LocalCostmap
+from deploy.driving.pursuit import PathTracker, Position
+from deploy.driving.recovery import ProgressWatch, Remedy
+from deploy.driving.search import find_way
+from deploy.driving.window import DynamicWindow, Motion, Velocity
+
+_AT_GOAL: Final = 0.08
+# Turn on the spot when the point ahead is so far off, and until it is within the second angle.
+_TURN_BEGIN, _TURN_END = 1.0, 0.25
+_CREEP: Final = 0.15
+_BACK_OFF_SPEED: Final = 0.15
+# The last command may lead the measured velocity by what the drive's delay explains.
+_LEAD: Final = 0.3
+_FULL_SPEED_ROOM: Final = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +46,20 @@ class Command:
     reason: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class _Course:
+    """Where to steer: a point in a free straight line, and the metres left to the goal."""
+
+    carrot: Position | None
+    remaining: float
+
+
 class LocalPlanner:
     """Follow a path among obstacles.
+
+    The robot steers for a point ahead on the path, or on a way around what blocks the path, found by A* in the local
+    costmap; velocities come from the dynamic window, so that it can always brake in time. It turns on the spot when
+    the way is behind it, backs off and looks around when it gets nowhere, and then says that it is blocked.
 
     Usage, at `config.rate`::
 
@@ -39,20 +68,36 @@ class LocalPlanner:
     """
 
     def __init__(self, config: DrivingConfig) -> None:
+        """Prepare, and compile the kernels, so that the first command comes in time."""
         self._config = config
+        self._costmap = LocalCostmap(config)
+        self._window = DynamicWindow(config)
+        self._watch = ProgressWatch()
+        self._path: PathTracker | None = None
+        self._now = 0.0
+        self._turning = False
+        self._turn = 0.0
+        self._last: Velocity = (0.0, 0.0)
+        self._warm_up()
 
     def reset(self) -> None:
-        """Forget recoveries under way; call it when the waypoint changes by more than the path's own progress."""
+        """Forget progress and remedies under way; call it when the robot is sent somewhere else."""
+        self._path = None
+        self._watch.reset()
+        self._turning = False
 
     def command(
         self,
         pose: Pose,
-        velocity: tuple[float, float],
-        path: Sequence[tuple[float, float]],
+        velocity: Velocity,
+        path: Sequence[Position],
         obstacles: NDArray[np.float64],
         dt: float,
     ) -> Command:
         """Choose the next velocity.
+
+        It differs from the last command by what the acceleration limits allow in `dt`; where the robot did not follow
+        the last command, from what it does instead.
 
         Args:
             pose: of the robot's centre in the map frame.
@@ -61,4 +106,136 @@ class LocalPlanner:
             obstacles: (n, 2) points in the map frame, metres.
             dt: seconds until the next command.
         """
-        raise NotImplementedError
+        self._now += dt
+        motion = Motion(pose, velocity, self._base(velocity), dt)
+        if not all(map(isfinite, (pose.x, pose.y, pose.yaw, *velocity))):
+            return self._brake(Motion(Pose(0.0, 0.0), self._last, self._last, dt), "the pose is not finite")
+        obstacles = obstacles[np.isfinite(obstacles).all(axis=1)]
+        self._costmap.update(pose.x, pose.y, obstacles, self._now)
+        self._window.look(self._costmap, motion, self._lookahead(motion))
+        if not path:
+            self.reset()
+            return self._brake(motion, "there is no path")
+        if self._path is None or self._path.path != tuple(path):
+            self._path = PathTracker(path)
+        if pose.distance_to(self._path.goal) <= _AT_GOAL:
+            self._watch.reset()
+            return self._brake(motion, "the end of the path is reached")
+        course = self._course(motion, self._path)
+        remedy = self._watch.update(course.remaining, dt, turning=self._turning)
+        command = self._remedy(motion, remedy) if remedy is not Remedy.NONE else self._drive(motion, course)
+        if self._watch.blocked:
+            return Command(command.linear, command.angular, True, command.reason or "the robot makes no way")
+        return command
+
+    def _drive(self, motion: Motion, course: _Course) -> Command:
+        if course.carrot is None:
+            self._turning = False
+            return self._brake(motion, "no way leads on within the local map")
+        error = _wrap(atan2(course.carrot[1] - motion.pose.y, course.carrot[0] - motion.pose.x) - motion.pose.yaw)
+        self._turning = abs(error) > (_TURN_END if self._turning else _TURN_BEGIN)
+        if self._turning:
+            turn = self._window.step(motion, (0.0, self._turn_rate(error)))
+            if self._window.safe(motion, turn):
+                return self._send(turn, "")
+            return self._brake(motion, "")
+        choice = self._window.choose(motion, course.carrot, self._speed(motion, course.remaining), self._turn)
+        if choice is None:
+            # Not even straight ahead or on the spot: the stop that was checked before still holds.
+            return self._brake(motion, "an obstacle is in the way")
+        command, self._turn = choice
+        return self._send(command, "" if hypot(*command) > 0.01 else "an obstacle is in the way")
+
+    def _course(self, motion: Motion, path: PathTracker) -> _Course:
+        """Steer for the path itself as far ahead as the straight line there is free, else for a way around."""
+        position = motion.pose.position
+        along, aside = path.advance(*position)
+        left = path.length - along
+        reach = self._lookahead(motion)
+        for part in (1.0, 0.7, 0.4):
+            # From beside the path it is met the nearer, the farther the robot is from it.
+            carrot = path.point(along + max(part * reach - aside, 0.0))
+            if self._costmap.free_line(position, carrot):
+                return _Course(carrot, left + aside)
+        for goal_along in self._rejoin(path, along + max(reach - aside, 0.0)):
+            way = find_way(self._costmap, position, path.point(goal_along))
+            if way:
+                length = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(way))
+                return _Course(self._shortcut(position, way, reach), length + path.length - goal_along)
+        return _Course(None, left + aside)
+
+    def _rejoin(self, path: PathTracker, start: float) -> list[float]:
+        """Return where a way around may join the path again, metres along: the first free place, and the last near."""
+        places = []
+        for along in np.arange(min(start, path.length), path.length + 0.2, 0.2):
+            point = path.point(float(along))
+            if not self._costmap.contains(*point):
+                break
+            if self._costmap.distance(*point) >= self._costmap.room:
+                places.append(min(float(along), path.length))
+        return [places[0], places[-1]] if len(places) > 1 else places
+
+    def _shortcut(self, position: Position, way: list[Position], reach: float) -> Position | None:
+        """Return the farthest place of a way, up to `reach`, that a straight line leads to."""
+        chosen = None
+        for place in way[1:]:
+            if hypot(place[0] - position[0], place[1] - position[1]) > reach and chosen is not None:
+                break
+            if self._costmap.free_line(position, place):
+                chosen = place
+        # In a tight place no line is free by all of the room, and the dynamic window finds what is.
+        return chosen or way[min(2, len(way) - 1)]
+
+    def _speed(self, motion: Motion, remaining: float) -> float:
+        """Slow down towards the goal and between obstacles."""
+        config = self._config
+        stopping = sqrt(2.0 * 0.8 * config.max_acceleration * max(remaining - 0.5 * _AT_GOAL, 0.0))
+        _, distances = self._costmap.near(*motion.pose.position, self._costmap.room + _FULL_SPEED_ROOM)
+        room = float(distances.min()) - self._costmap.room if len(distances) else _FULL_SPEED_ROOM
+        share = min(max(room / _FULL_SPEED_ROOM, 0.0), 1.0)
+        return max(min(config.max_speed * (0.35 + 0.65 * share), stopping), min(_CREEP, config.max_speed))
+
+    def _lookahead(self, motion: Motion) -> float:
+        return max(self._config.lookahead, 0.8 * abs(motion.velocity[0]))
+
+    def _turn_rate(self, error: float) -> float:
+        """Turn as fast as allows to stop at the right heading, radians."""
+        config = self._config
+        rate = min(sqrt(1.2 * config.max_turn_acceleration * abs(error)), 3.0 * abs(error), config.max_turn_rate)
+        return copysign(rate, error)
+
+    def _remedy(self, motion: Motion, remedy: Remedy) -> Command:
+        if remedy is Remedy.BACK_OFF:
+            self._turning = False
+            command = self._window.step(motion, (-min(_BACK_OFF_SPEED, self._config.max_speed), 0.0))
+            if self._window.safe(motion, command):
+                return self._send(command, "backing off")
+        turn = self._window.step(motion, (0.0, 0.5 * self._config.max_turn_rate))
+        return self._send(turn, "looking for a way") if self._window.safe(motion, turn) else self._brake(motion, "")
+
+    def _brake(self, motion: Motion, reason: str) -> Command:
+        return self._send(self._window.step(motion, (0.0, 0.0)), reason)
+
+    def _send(self, command: Velocity, reason: str) -> Command:
+        self._last = command
+        return Command(*command, reason=reason)
+
+    def _base(self, velocity: Velocity) -> Velocity:
+        linear, angular = _LEAD * self._config.max_acceleration, _LEAD * self._config.max_turn_acceleration
+        return (
+            min(max(self._last[0], velocity[0] - linear), velocity[0] + linear),
+            min(max(self._last[1], velocity[1] - angular), velocity[1] + angular),
+        )
+
+    def _warm_up(self) -> None:
+        wall = np.array([[0.9, y] for y in np.linspace(-0.5, 0.5, 11)])
+        for obstacles in (wall, np.empty((0, 2))):
+            self.command(Pose(0.0, 0.0), (0.0, 0.0), [(2.0, 0.0)], obstacles, 0.05)
+        self._window.safe(Motion(Pose(0.0, 0.0), (0.0, 0.0), (0.0, 0.0), 0.05), (0.0, 0.0))
+        self._costmap.forget()
+        self.reset()
+        self._last = (0.0, 0.0)
+
+
+def _wrap(angle: float) -> float:
+    return (angle + pi) % (2.0 * pi) - pi
