@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Protocol, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -23,18 +23,20 @@ class ResultsError(HDError):
     """A results file cannot be read, or does not say what it should."""
 
 
-class _Record(BaseModel):
+class Record(BaseModel):
+    """Part of a results file; fields beyond the format are ignored."""
+
     model_config = ConfigDict(frozen=True, extra="ignore")
 
 
-class DecisionTime(_Record):
-    """Processor time from a scan to the next waypoint (mapping, planning), milliseconds, over an episode's decisions."""
+class DecisionTime(Record):
+    """Processor time from a scan to the next waypoint (mapping, planning), milliseconds, over the decisions made."""
 
     median: Distance
     p95: Distance
 
 
-class EpisodeResult(_Record):
+class EpisodeResult(Record):
     """One episode.
 
     Attributes:
@@ -57,7 +59,7 @@ class EpisodeResult(_Record):
     decision_ms: DecisionTime
 
 
-class Results(_Record):
+class Results(Record):
     """What one planner did on a set of maps.
 
     Attributes:
@@ -89,14 +91,42 @@ class Results(_Record):
         return self
 
 
+class AnyResults(Protocol):
+    """What the results files of all protocols have in common."""
+
+    @property
+    def task(self) -> str:
+        """What was done."""
+        ...
+
+    @property
+    def metres_per_pixel(self) -> float:
+        """Scale of the worlds."""
+        ...
+
+    @property
+    def planner(self) -> str:
+        """Who did it."""
+        ...
+
+
+R = TypeVar("R", bound=BaseModel)
+A = TypeVar("A", bound=AnyResults)
+
+
 def write_results(path: Path, results: Results) -> None:
     """Write a results file, one episode per line; readers see the old file or the whole new one.
 
     Raises:
         ResultsError: the file cannot be written.
     """
+    write_record(path, results, results.episodes)
+
+
+def write_record(path: Path, results: BaseModel, episodes: Sequence[BaseModel]) -> None:
+    """Write results of any protocol; their field `episodes` comes last. See `write_results`."""
     head = results.model_dump_json(exclude={"episodes"})
-    lines = ",\n".join(episode.model_dump_json() for episode in results.episodes)
+    lines = ",\n".join(episode.model_dump_json() for episode in episodes)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         temporary.write_text(f'{head[:-1]},"episodes":[\n{lines}\n]}}\n', "utf-8")
@@ -111,15 +141,20 @@ def read_results(path: Path) -> Results:
     Raises:
         ResultsError: it cannot be read, or breaks the format.
     """
+    return read_record(path, Results, "hd-eval run")
+
+
+def read_record(path: Path, kind: type[R], command: str) -> R:
+    """Read and check results of some kind, which a command makes. See `read_results`."""
     try:
-        return Results.model_validate_json(path.read_bytes())
+        return kind.model_validate_json(path.read_bytes())
     except OSError as error:
-        raise ResultsError(f"cannot read {path} ({error.strerror}): name a results file of 'hd-eval run'") from error
+        raise ResultsError(f"cannot read {path} ({error.strerror}): name a results file of '{command}'") from error
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the file"
         raise ResultsError(
-            f"{path} is no results file: {where}: {first['msg']} ({error.error_count()} problems)"
+            f"{path} is no results file of '{command}': {where}: {first['msg']} ({error.error_count()} problems)"
         ) from error
 
 
@@ -129,12 +164,17 @@ def collect_results(places: Sequence[Path]) -> list[Results]:
     Raises:
         ResultsError: there is none, a file is damaged, two have the same planner, or tasks and scales differ.
     """
+    return collect(places, read_results, "hd-eval run")
+
+
+def collect(places: Sequence[Path], read: Callable[[Path], A], command: str) -> list[A]:
+    """Read results of some kind, which a command makes. See `collect_results`."""
     files: list[Path] = []
     for place in places:
         files += sorted(place.glob("*.json")) if place.is_dir() else [place]
     if not files:
-        raise ResultsError(f"there are no results files in {', '.join(map(str, places))}: make some with 'hd-eval run'")
-    found = [read_results(file) for file in files]
+        raise ResultsError(f"there are no results files in {', '.join(map(str, places))}: make some with '{command}'")
+    found = [read(file) for file in files]
     first = found[0]
     for file, results in zip(files, found, strict=True):
         if (results.task, results.metres_per_pixel) != (first.task, first.metres_per_pixel):

@@ -56,6 +56,25 @@ class Lidar:
 
     def sense(self, client: int, body: int, link: int) -> Scan:
         """Scan from where the link is now."""
+        state = pybullet.getLinkState(body, link, physicsClientId=client)
+        rotation = np.array(pybullet.getMatrixFromQuaternion(state[1])).reshape(3, 3)
+        ranges = self._beams.disturb(self._measure(client, body, link, np.array(state[0]), rotation))
+        self._ranges, self._frame = ranges, (np.array(state[0]), rotation)
+        return self._beams.to_scan(ranges if self._layers == 1 else self._project(ranges, rotation, state[0][2]))
+
+    def _measure(
+        self, client: int, body: int, link: int, origin: NDArray[np.float64], rotation: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the range of every ray, layer by layer, metres, infinite where it met nothing.
+
+        Args:
+            client: number of the physics server.
+            body: the robot.
+            link: of the lidar.
+            origin: of the rays, metres, map frame, shape (3,).
+            rotation: from the lidar's frame to the map frame, shape (3, 3).
+        """
+        del origin, rotation
         fractions = np.array(
             [
                 hit[2]
@@ -71,11 +90,7 @@ class Lidar:
                 )
             ]
         )
-        ranges = self._beams.disturb(np.where(fractions < 1.0, fractions * self._beams.range_max, np.inf))
-        state = pybullet.getLinkState(body, link, physicsClientId=client)
-        rotation = np.array(pybullet.getMatrixFromQuaternion(state[1])).reshape(3, 3)
-        self._ranges, self._frame = ranges, (np.array(state[0]), rotation)
-        return self._beams.to_scan(ranges if self._layers == 1 else self._project(ranges, rotation, state[0][2]))
+        return np.where(fractions < 1.0, fractions * self._beams.range_max, np.inf)
 
     def point_cloud(self, *, in_sensor: bool = False) -> NDArray[np.float64]:
         """Return the points of the last scan, metres, shape (n, 3); beams without return are left out.

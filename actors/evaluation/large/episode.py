@@ -1,0 +1,214 @@
+"""One episode at a large scale: an exploration, or a tour of targets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from functools import partial
+from typing import Any, TypedDict
+
+from actors.environment import Environment
+from actors.evaluation.episode import Outcome, Place, Tell, run_episode, tell_nobody
+from actors.evaluation.large.settings import LargeSettings
+from actors.evaluation.large.simulator import NotedSimulator, TrackPoint
+from actors.evaluation.large.tour import leg_world, tour_targets
+from actors.evaluation.omniscient import OmniscientReference
+from actors.evaluation.results import PLACES
+from actors.maps.grid_map import GridMap
+from actors.tasks import make_task
+from common.config.schema import RewardConfig
+from common.mapping.inflated import InflatedMapper
+from common.mapping.mapper import Mapper
+from common.planners.base import Planner, Position
+
+Decider = Planner | OmniscientReference
+
+
+class Leg(TypedDict):
+    """The way to one target of a tour, as plain values.
+
+    Attributes:
+        target: (x, y) in metres, map frame.
+        distance_m: travelled metres.
+        time_s: simulated seconds of driving.
+        steps: decisions.
+        collisions: contacts with walls.
+        success: the robot arrived.
+        reason: why the leg ended.
+    """
+
+    target: Position
+    distance_m: float
+    time_s: float
+    steps: int
+    collisions: int
+    success: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class LargeOutcome(Outcome):
+    """How an episode went; for a tour the figures are those of all its legs together.
+
+    Attributes:
+        time: simulated seconds of driving.
+        collisions: contacts with walls.
+        volume: explored volume, cubic metres.
+        track: (seconds, x, y, yaw) at every scan, metres and radians in the map frame.
+        curve: (seconds, metres, cubic metres, explored share) at the start and after every decision.
+        legs: of a tour, one for each target; see `Leg`.
+    """
+
+    time: float = 0.0
+    collisions: int = 0
+    volume: float = 0.0
+    track: list[TrackPoint] = field(default_factory=list)
+    curve: list[tuple[float, float, float, float]] = field(default_factory=list)
+    legs: list[Leg] = field(default_factory=list)
+
+
+class EpisodeRunner:
+    """Runs episodes with one simulator.
+
+    Usage::
+
+        runner = EpisodeRunner(settings, simulator)
+        outcome = runner.run(planner, world, seed=3)
+    """
+
+    def __init__(self, settings: LargeSettings, simulator: NotedSimulator) -> None:
+        """Set up; the caller closes the simulator."""
+        self._settings = settings
+        self._simulator = simulator
+        self._make_mapper: Callable[..., Mapper] = (
+            partial(InflatedMapper, inflation=settings.inflation) if settings.inflation > 0.0 else Mapper
+        )
+
+    def run(
+        self,
+        planner: Decider,
+        world: GridMap,
+        *,
+        seed: int,
+        tell: Tell = tell_nobody,
+        steps: int | None = None,
+        targets: int | None = None,
+    ) -> LargeOutcome:
+        """Run one episode.
+
+        Args:
+            planner: who decides.
+            world: where.
+            seed: of simulator, planner and tour.
+            tell: see `run_episode`.
+            steps: limit of decisions (of a leg, on a tour) in place of the settings'; decisions then take what they
+                take.
+            targets: number of targets in place of the settings'.
+
+        Raises:
+            HDError: the world does not suit, or the planner broke the rules of the protocol.
+        """
+        self._simulator.begin(world)
+        if self._settings.task.name == "exploration":
+            curve: list[tuple[float, float, float, float]] = []
+            outcome, collisions = self._drive(planner, world, seed, steps, self._watch(tell, curve, 0.0))
+            return self._whole(outcome, collisions, curve, [])
+        return self._tour(planner, world, seed, steps, tell, targets or self._settings.targets)
+
+    def _tour(
+        self, planner: Decider, world: GridMap, seed: int, steps: int | None, tell: Tell, count: int
+    ) -> LargeOutcome:
+        """Visit the targets one after the other, each leg with a new belief.
+
+        A robot that arrived goes on from where it stands; one that failed is put on the target that it missed, so that
+        the other legs are those of every planner.
+        """
+        curve: list[tuple[float, float, float, float]] = []
+        parts: list[Outcome] = []
+        legs: list[Leg] = []
+        here = world.start
+        for target in tour_targets(world, count, seed):
+            travelled = sum(leg["distance_m"] for leg in legs)
+            began = self._simulator.elapsed
+            watch = self._watch(tell, curve, travelled)
+            outcome, collisions = self._drive(planner, leg_world(world, here, target), seed, steps, watch)
+            parts.append(outcome)
+            legs.append(
+                Leg(
+                    target=target,
+                    distance_m=round(outcome.distance, PLACES),
+                    time_s=round(self._simulator.elapsed - began, 3),
+                    steps=outcome.steps,
+                    collisions=collisions,
+                    success=outcome.success,
+                    reason=outcome.reason,
+                )
+            )
+            here = self._simulator.pose.position if outcome.success else target
+        missed = [number for number, leg in enumerate(legs, 1) if not leg["success"]]
+        first = f"target {missed[0]}: {legs[missed[0] - 1]['reason']}" if missed else "complete"
+        whole = Outcome(
+            waypoints=[waypoint for part in parts for waypoint in part.waypoints],
+            distance=sum(part.distance for part in parts),
+            steps=sum(part.steps for part in parts),
+            success=not missed,
+            # Each leg has a belief of its own: how much of the world all of them saw means nothing.
+            explored=0.0,
+            reason=first,
+            decision_ms=[time for part in parts for time in part.decision_ms],
+            notes=parts[-1].notes,
+        )
+        return self._whole(whole, sum(leg["collisions"] for leg in legs), curve, legs)
+
+    def _drive(
+        self, planner: Decider, world: GridMap, seed: int, steps: int | None, tell: Callable[[Environment], Tell]
+    ) -> tuple[Outcome, int]:
+        """Run one episode of the environment; return its outcome and the number of collisions."""
+        settings = self._settings
+        environment = Environment(
+            self._simulator,
+            settings.mapping,
+            make_task(settings.task),
+            RewardConfig(),
+            settings.task.max_steps if steps is None else steps,
+            mapper=self._make_mapper,
+        )
+        if isinstance(planner, OmniscientReference):
+            planner.prepare(world, seed)
+        limit = settings.time_limit if steps is None else float("inf")
+        outcome = run_episode(environment, planner, world, seed=seed, time_limit=limit, tell=tell(environment))
+        return outcome, environment.collisions
+
+    def _watch(
+        self, tell: Tell, curve: list[tuple[float, float, float, float]], travelled: float
+    ) -> Callable[[Environment], Tell]:
+        """Return what notes the curve and passes events on, the distance counted from the begin of the tour."""
+
+        def of(environment: Environment) -> Tell:
+            def told(event: str, place: Place | None) -> None:
+                if place is not None:
+                    simulator = self._simulator
+                    volume = 0.0 if simulator.voxels is None else simulator.voxels.volume
+                    place = place._replace(distance=place.distance + travelled)
+                    explored = environment.coverage.explored
+                    curve.append((round(simulator.elapsed, 3), round(place.distance, 3), volume, round(explored, 5)))
+                tell(event, place)
+
+            return told
+
+        return of
+
+    def _whole(
+        self, outcome: Outcome, collisions: int, curve: list[tuple[float, float, float, float]], legs: list[Leg]
+    ) -> LargeOutcome:
+        simulator = self._simulator
+        values: dict[str, Any] = {each.name: getattr(outcome, each.name) for each in fields(Outcome)}
+        return LargeOutcome(
+            **values,
+            time=round(simulator.elapsed, 3),
+            collisions=collisions,
+            volume=0.0 if simulator.voxels is None else simulator.voxels.volume,
+            track=simulator.track,
+            curve=curve,
+            legs=legs,
+        )

@@ -1,0 +1,186 @@
+"""Results files of an evaluation at a large scale: one per planner, with all that a recount needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from actors.evaluation.episode import Outcome
+from actors.evaluation.large.episode import LargeOutcome
+from actors.evaluation.results import (
+    PLACES,
+    Coordinate,
+    DecisionTime,
+    Distance,
+    EpisodeResult,
+    Name,
+    Record,
+    Results,
+    collect,
+    read_record,
+    write_record,
+)
+
+Count = Annotated[int, Field(ge=0)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class LegResult(Record):
+    """The way to one target; see `actors.evaluation.large.episode.Leg`."""
+
+    target: tuple[Coordinate, Coordinate]
+    distance_m: Distance
+    time_s: Distance
+    steps: Count
+    collisions: Count
+    success: bool
+    reason: str
+
+
+class LargeEpisode(Record):
+    """One exploration, or one tour.
+
+    Attributes:
+        map: name of the world.
+        distance_m: travelled metres.
+        time_s: simulated seconds of driving; computing takes no simulated time.
+        steps: decisions that were carried out.
+        success: exploration: enough was seen; tour: every target was reached.
+        reason: why it ended.
+        collisions: contacts with walls.
+        volume_m3: explored volume.
+        explored_rate: share of the reachable free area that was seen; 0 for tours.
+        decision_ms: processor time of every decision, mapping included.
+        waypoints: (x, y) of the start and of every arrival, pixels of the image; on a tour those of each leg.
+        curve: (seconds, metres, cubic metres, explored share) at the start and after every decision.
+        track: (seconds, x, y, yaw) at every scan, metres and radians in the map frame.
+        legs: of a tour.
+    """
+
+    map: Name
+    distance_m: Distance
+    time_s: Distance
+    steps: Count
+    success: bool
+    reason: str
+    collisions: Count
+    volume_m3: Distance
+    explored_rate: Share
+    decision_ms: list[Distance]
+    waypoints: Annotated[list[tuple[Coordinate, Coordinate]], Field(min_length=1)]
+    curve: list[tuple[Distance, Distance, Distance, Share]]
+    track: list[tuple[Distance, Coordinate, Coordinate, Coordinate]]
+    legs: list[LegResult] = Field(default_factory=list)
+
+    @property
+    def decision(self) -> DecisionTime:
+        """Median and 95th percentile of the decision time."""
+        times = np.array(self.decision_ms or [0.0])
+        return DecisionTime(median=float(np.median(times)), p95=float(np.quantile(times, 0.95)))
+
+    @property
+    def volume_per_metre(self) -> float:
+        """Explored volume per travelled metre, m² (m³/m); 0 for a robot that never moved."""
+        return self.volume_m3 / self.distance_m if self.distance_m > 0.0 else 0.0
+
+
+class LargeResults(Record):
+    """What one planner did in a set of large worlds.
+
+    Attributes:
+        kind: tells these files from those of `hd-eval run`.
+        task: `exploration` or `navigation`.
+        metres_per_pixel: scale of the worlds.
+        sensor_range_m: range of the sensor, metres.
+        planner: name.
+        commit: of the code that made it.
+        seed: of the run.
+        settings: all settings that the episodes depend on, as the journal has them.
+        episodes: one per world.
+    """
+
+    kind: Literal["large"] = "large"
+    task: Literal["exploration", "navigation"]
+    metres_per_pixel: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+    sensor_range_m: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+    planner: Name
+    commit: str
+    seed: int
+    settings: dict[str, Any]
+    episodes: list[LargeEpisode]
+
+    def plain(self) -> Results:
+        """Return distances, success and decision times in the form that paired comparisons take."""
+        episodes = [
+            EpisodeResult(
+                map=episode.map,
+                waypoints=episode.waypoints,
+                distance_m=episode.distance_m,
+                steps=episode.steps,
+                success=episode.success,
+                explored_rate=episode.explored_rate,
+                decision_ms=episode.decision,
+            )
+            for episode in self.episodes
+        ]
+        return Results(
+            task=self.task,
+            metres_per_pixel=self.metres_per_pixel,
+            sensor_range_m=self.sensor_range_m,
+            planner=self.planner,
+            commit=self.commit,
+            seed=self.seed,
+            episodes=episodes,
+        )
+
+
+def episode_result(name: str, outcome: Outcome) -> LargeEpisode:
+    """Return an outcome as it stands in a results file."""
+    assert isinstance(outcome, LargeOutcome)
+    return LargeEpisode(
+        map=name,
+        distance_m=round(outcome.distance, PLACES),
+        time_s=outcome.time,
+        steps=outcome.steps,
+        success=outcome.success,
+        reason=outcome.reason,
+        collisions=outcome.collisions,
+        volume_m3=outcome.volume,
+        explored_rate=round(outcome.explored, 6),
+        decision_ms=[round(time, 3) for time in outcome.decision_ms],
+        waypoints=outcome.waypoints,
+        curve=outcome.curve,
+        track=[(time, x, y, yaw) for time, x, y, yaw in outcome.track],
+        legs=[LegResult(**leg) for leg in outcome.legs],
+    )
+
+
+def write_large_results(path: Path, results: LargeResults) -> None:
+    """Write a results file, one episode per line; readers see the old file or the whole new one.
+
+    Raises:
+        ResultsError: the file cannot be written.
+    """
+    write_record(path, results, results.episodes)
+
+
+def read_large_results(path: Path) -> LargeResults:
+    """Read and check a results file.
+
+    Raises:
+        ResultsError: it cannot be read, or breaks the format.
+    """
+    return read_record(path, LargeResults, "hd-eval large")
+
+
+def collect_large_results(places: Sequence[Path]) -> list[LargeResults]:
+    """Read results files, and all of those in folders; in the order given, those of a folder by name.
+
+    Raises:
+        ResultsError: there is none, a file is damaged, two have the same planner, or tasks and scales differ.
+    """
+    return collect(places, read_large_results, "hd-eval large")

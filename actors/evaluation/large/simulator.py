@@ -1,0 +1,76 @@
+"""The dynamic simulator with a notebook: when and where the lidar scanned, and the volume that it saw."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from actors.evaluation.large.lidar import GridLidar
+from actors.evaluation.large.voxels import VoxelMap
+from actors.maps.grid_map import GridMap
+from actors.simulators.dynamic import DynamicSimulator
+from common.config.schema import SimulatorConfig
+from common.geometry import Pose, Scan
+
+
+class TrackPoint(NamedTuple):
+    """The robot at one scan.
+
+    Attributes:
+        time: simulated seconds since the start.
+        x: metres.
+        y: metres.
+        yaw: radians.
+    """
+
+    time: float
+    x: float
+    y: float
+    yaw: float
+
+
+class NotedSimulator(DynamicSimulator):
+    """Notes every scan, also those made on the way, from `begin` on; its lidar is a `GridLidar`.
+
+    Attributes:
+        track: where the robot was at every scan since `begin`; resets of the world do not end it.
+        voxels: what it saw.
+    """
+
+    def __init__(self, config: SimulatorConfig, sensor_range: float) -> None:
+        super().__init__(config, sensor_range)
+        self._lidar = self._grid_lidar = GridLidar(self._beams, config.lidar_layers, config.wall_height)
+        self._height = config.wall_height
+        self._elapsed = self._since = 0.0
+        self.track: list[TrackPoint] = []
+        self.voxels: VoxelMap | None = None
+
+    @property
+    def elapsed(self) -> float:
+        """Simulated seconds of driving since `begin`; the time in which the robot settles after a reset is none."""
+        return self._elapsed + self.time - self._since
+
+    def begin(self, world: GridMap) -> None:
+        """Begin a new episode with an empty notebook."""
+        self.track = []
+        self.voxels = VoxelMap(world, self._height)
+        self._elapsed, self._since = 0.0, self.time
+
+    def reset(self, world: GridMap, seed: int) -> Pose:
+        """Load a world, put the robot on its start and return its pose."""
+        self._elapsed = self.elapsed
+        self._grid_lidar.enter(world)
+        pose = super().reset(world, seed)
+        self._since = self.time
+        return pose
+
+    def scan(self) -> Scan:
+        """Scan from where the robot stands."""
+        scan = super().scan()
+        if self.voxels is not None:
+            self.voxels.add(self.point_cloud())
+            pose = self.pose
+            # Tenths of a millimetre are far below what contacts and ranges are exact to.
+            self.track.append(
+                TrackPoint(round(self.elapsed, 3), round(pose.x, 4), round(pose.y, 4), round(pose.yaw, 4))
+            )
+        return scan
