@@ -83,14 +83,14 @@ class LocalCostmap:
         chosen = distances < radius
         return self.points[chosen], distances[chosen]
 
-    def contains(self, x: float, y: float) -> bool:
-        """Whether a position lies on the grid."""
-        field = self.field
-        return 0.0 <= x - field.left < self._side and 0.0 <= y - field.bottom < self._side
+    def contains(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Say of each position, (n, 2) metres, whether it lies on the grid."""
+        offsets = places - (self.field.left, self.field.bottom)
+        return np.asarray(((offsets >= 0.0) & (offsets < self._side)).all(axis=1))
 
-    def distance(self, x: float, y: float) -> float:
-        """Return the distance from the centre of a position's cell to the nearest obstacle, metres."""
-        return float(lookup(self.field, x, y))
+    def blocked(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Say of each position, (n, 2) metres, whether its cell's centre has less than the robot's room."""
+        return _distances(self.field, places) < self.room
 
     def free_line(self, start: tuple[float, float], end: tuple[float, float]) -> bool:
         """Whether the robot can go straight from start to end with its room.
@@ -108,6 +108,14 @@ def lookup(field: Field, x: float, y: float) -> float:
     if row < 0 or column < 0 or row >= field.distances.shape[0] or column >= field.distances.shape[1]:
         return field.cap
     return field.distances[row, column]
+
+
+@njit(cache=True, nogil=True)
+def _distances(field: Field, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    values = np.empty(len(places))
+    for index in range(len(places)):
+        values[index] = lookup(field, places[index, 0], places[index, 1])
+    return values
 
 
 @njit(cache=True, nogil=True)

@@ -22,6 +22,7 @@ from deploy.driving.window import DynamicWindow, Motion, Velocity
 _AT_GOAL: Final = 0.08
 # Turn on the spot when the point ahead is so far off, and until it is within the second angle.
 _TURN_BEGIN, _TURN_END = 1.0, 0.25
+_PATH_STEP: Final = 0.1
 _CREEP: Final = 0.15
 _BACK_OFF_SPEED: Final = 0.15
 # The last command may lead the measured velocity by what the drive's delay explains.
@@ -147,41 +148,45 @@ class LocalPlanner:
         return self._send(command, "" if hypot(*command) > 0.01 else "an obstacle is in the way")
 
     def _course(self, motion: Motion, path: PathTracker) -> _Course:
-        """Steer for the path itself as far ahead as the straight line there is free, else for a way around."""
-        position = motion.pose.position
-        along, aside = path.advance(*position)
-        left = path.length - along
+        """Steer for the path itself where it is free as far as the local map goes, else for a way around."""
+        costmap = self._costmap
+        x, y = motion.pose.position
+        along, aside = path.advance(x, y)
+        remaining = path.length - along + aside
+        distances = np.append(np.arange(_PATH_STEP, remaining, _PATH_STEP), remaining)
+        places = path.ahead(x, y, distances)
+        inside = costmap.contains(places)
+        known = len(inside) if inside.all() else int(np.argmin(inside))
+        distances, places = distances[:known], places[:known]
+        blocked = costmap.blocked(places)
         reach = self._lookahead(motion)
+        if blocked.any():
+            first = int(np.argmax(blocked))
+            free = np.flatnonzero(~blocked[first:]) + first
+            for index in dict.fromkeys((free[0], free[-1]) if len(free) else ()):
+                way = find_way(costmap, (x, y), _position(places[index]))
+                if way:
+                    length = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(way))
+                    return _Course(self._shortcut(way, reach), length + remaining - float(distances[index]))
+            # Come closer: from there it may look different.
+            distances, places = distances[:first], places[:first]
         for part in (1.0, 0.7, 0.4):
-            # From beside the path it is met the nearer, the farther the robot is from it.
-            carrot = path.point(along + max(part * reach - aside, 0.0))
-            if self._costmap.free_line(position, carrot):
-                return _Course(carrot, left + aside)
-        for goal_along in self._rejoin(path, along + max(reach - aside, 0.0)):
-            way = find_way(self._costmap, position, path.point(goal_along))
+            index = min(int(np.searchsorted(distances, part * reach)), len(distances) - 1)
+            if index >= 0 and costmap.free_line((x, y), _position(places[index])):
+                return _Course(_position(places[index]), remaining)
+        if len(places):
+            way = find_way(costmap, (x, y), _position(places[min(len(places) - 1, round(reach / _PATH_STEP))]))
             if way:
-                length = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(way))
-                return _Course(self._shortcut(position, way, reach), length + path.length - goal_along)
-        return _Course(None, left + aside)
+                return _Course(self._shortcut(way, reach), remaining)
+        return _Course(None, remaining)
 
-    def _rejoin(self, path: PathTracker, start: float) -> list[float]:
-        """Return where a way around may join the path again, metres along: the first free place, and the last near."""
-        places = []
-        for along in np.arange(min(start, path.length), path.length + 0.2, 0.2):
-            point = path.point(float(along))
-            if not self._costmap.contains(*point):
-                break
-            if self._costmap.distance(*point) >= self._costmap.room:
-                places.append(min(float(along), path.length))
-        return [places[0], places[-1]] if len(places) > 1 else places
-
-    def _shortcut(self, position: Position, way: list[Position], reach: float) -> Position | None:
+    def _shortcut(self, way: list[Position], reach: float) -> Position:
         """Return the farthest place of a way, up to `reach`, that a straight line leads to."""
         chosen = None
         for place in way[1:]:
-            if hypot(place[0] - position[0], place[1] - position[1]) > reach and chosen is not None:
+            if hypot(place[0] - way[0][0], place[1] - way[0][1]) > reach and chosen is not None:
                 break
-            if self._costmap.free_line(position, place):
+            if self._costmap.free_line(way[0], place):
                 chosen = place
         # In a tight place no line is free by all of the room, and the dynamic window finds what is.
         return chosen or way[min(2, len(way) - 1)]
@@ -235,6 +240,10 @@ class LocalPlanner:
         self._costmap.forget()
         self.reset()
         self._last = (0.0, 0.0)
+
+
+def _position(place: NDArray[np.float64]) -> Position:
+    return float(place[0]), float(place[1])
 
 
 def _wrap(angle: float) -> float:

@@ -53,6 +53,25 @@ class PathTracker:
         self._along = best_along
         return best_along, float(best)
 
+    def ahead(self, x: float, y: float, distances: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return positions so many metres ahead of a robot at (x, y): straight to the path first, then along it.
+
+        Call `advance` before.
+
+        Returns:
+            Array (n, 2), metres.
+        """
+        along = self._along or 0.0
+        foot = np.array(self.point(along))
+        robot = np.array((x, y))
+        aside = float(np.hypot(*(foot - robot)))
+        marks = np.clip(along + distances - aside, along, self.length)
+        places = np.column_stack([np.interp(marks, self._marks, self._points[:, axis]) for axis in (0, 1)])
+        before = distances < aside
+        if before.any():
+            places[before] = robot + (distances[before] / aside)[:, None] * (foot - robot)
+        return places
+
     def point(self, along: float) -> Position:
         """Return the position so many metres along."""
         along = min(max(along, 0.0), self.length)

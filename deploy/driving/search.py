@@ -22,7 +22,7 @@ def find_way(costmap: LocalCostmap, start: Position, goal: Position) -> list[Pos
 
     Where the start is nearer to an obstacle than that, the way out of there counts as free.
     """
-    if not (costmap.contains(*start) and costmap.contains(*goal)):
+    if not costmap.contains(np.array((start, goal))).all():
         return []
     field = costmap.field
     left, bottom, size = field.left, field.bottom, field.resolution
