@@ -4,23 +4,31 @@ from __future__ import annotations
 
 import re
 import sys
-import time
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from actors.evaluation.options import ConfigFile, Limit, Maps, Overrides, ResultsPaths, resolve, settings_of
+from actors.evaluation.large.cli import app as large_app
+from actors.evaluation.options import (
+    ConfigFile,
+    Limit,
+    Maps,
+    Overrides,
+    ResultsPaths,
+    TableFormat,
+    TaskChoice,
+    resolve,
+    settings_of,
+    write_text,
+)
+from actors.evaluation.progress import planner_list, progress_bars, run_and_show
 from actors.evaluation.results import ResultsError, collect_results, read_results
 from common.cli import EXIT_ERROR, command_errors
 from common.errors import ConfigError
 from common.logs import setup_logging
-
-# Seconds between two lines about progress where there is no terminal for bars.
-LINE_SECONDS = 30.0
 
 app = typer.Typer(
     name="hd-eval",
@@ -30,13 +38,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-
-class TaskChoice(StrEnum):
-    """Tasks to choose from."""
-
-    EXPLORATION = "exploration"
-    NAVIGATION = "navigation"
 
 
 class SimulatorChoice(StrEnum):
@@ -51,15 +52,6 @@ class FidelityChoice(StrEnum):
 
     KINEMATIC = "kinematic"
     DYNAMIC = "dynamic"
-
-
-class TableFormat(StrEnum):
-    """Formats of the table."""
-
-    TEXT = "text"
-    MARKDOWN = "markdown"
-    LATEX = "latex"
-    CSV = "csv"
 
 
 class UnitsChoice(StrEnum):
@@ -122,7 +114,6 @@ def run(
     - `hd-eval run --planner dstar_lite,far --task navigation --maps bench/ --sim pybullet --jobs 4 --out results/`
     """
     from actors.evaluation.runner import Evaluation
-    from actors.evaluation.runner import Progress as Finished
 
     console = Console(stderr=True)
     setup_logging("warning", console=console if console.is_terminal else None)
@@ -138,34 +129,8 @@ def run(
         time_limit=time_limit,
         policy=policy,
     )
-    names = [name for text in planner for name in text.split(",") if name]
-    evaluation = Evaluation(settings, names, out, overwrite=overwrite)
-    bars = _bars(console)
-    with bars:
-        rows = {
-            name: bars.add_task(name, total=evaluation.worlds, completed=evaluation.done(name))
-            for name in dict.fromkeys(names)
-        }
-
-        said = time.monotonic()
-
-        def watch(finished: Finished) -> None:
-            nonlocal said
-            bars.advance(rows[finished.job.planner])
-            if not console.is_terminal and time.monotonic() - said > LINE_SECONDS:
-                said = time.monotonic()
-                counts = ", ".join(f"{task.description} {task.completed:.0f}" for task in bars.tasks)
-                console.print(f"{counts} of {evaluation.worlds} episodes", highlight=False)
-
-        evaluation.run(jobs, watch)
-    crashes = evaluation.crashes()
-    for name in rows:
-        console.print(f"{evaluation.results_file(name)}: {evaluation.done(name)} episodes", highlight=False)
-    for name, found in crashes.items():
-        first, outcome = found[0]
-        console.print(f"[bold red]{name}: {len(found)} episodes crashed[/], the first on {first}:", highlight=False)
-        console.print(f"  {outcome.reason}", markup=False, highlight=False)
-    if crashes:
+    names = planner_list(planner)
+    if run_and_show(Evaluation(settings, names, out, overwrite=overwrite), names, jobs, console):
         raise typer.Exit(EXIT_ERROR)
 
 
@@ -193,13 +158,7 @@ def table(
     found = collect_results(results)
     titles, rows = make_rows(found, baseline, units.value)
     text = render(titles, rows, style.value, notes(found, baseline))
-    if out is None:
-        sys.stdout.write(text)
-        return
-    try:
-        out.write_text(text, "utf-8")
-    except OSError as error:
-        raise ResultsError(f"cannot write {out} ({error.strerror}): check the folder") from error
+    write_text(text, out)
 
 
 @app.command()
@@ -253,7 +212,7 @@ def plot(
             written.append(path)
         if PlotKind.COVERAGE in wanted:
             path = out / f"coverage.{suffix}"
-            with _bars(console) as bars:
+            with progress_bars(console) as bars:
                 row = bars.add_task("coverage", total=sum(len(each.episodes) for each in found))
                 plots.plot_coverage(
                     found, lambda name: worlds.load(numbers[name]), settings, path, lambda: bars.advance(row)
@@ -349,7 +308,7 @@ def replay(
     for each in found:
         numbers = worlds.find([episode.map for episode in each.episodes])
         disagreements = []
-        with _bars(console) as bars:
+        with progress_bars(console) as bars:
             row = bars.add_task(each.planner, total=len(each.episodes))
             for episode in each.episodes:
                 counted = recount(each, episode, worlds.load(numbers[episode.map]), settings)
@@ -378,21 +337,11 @@ def planners() -> None:
         sys.stdout.write(f"{name:18} {summary}\n")
 
 
-def _bars(console: Console) -> Progress:
-    """Return progress bars, which show nothing when the console is no terminal."""
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        disable=not console.is_terminal,
-    )
-
-
 def _file_name(map_name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]+", "-", map_name.removesuffix(".png")).strip("-")
 
+
+app.add_typer(large_app)
 
 if __name__ == "__main__":
     app()

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Sequence
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from actors.evaluation.results import Results
+from actors.evaluation.results import Results, ResultsError
 from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.worlds import WorldSet
 from common.config.load import load_config
@@ -37,6 +39,22 @@ Overrides = Annotated[
 ResultsPaths = Annotated[
     list[Path], typer.Argument(metavar="RESULTS...", help="Results files, or folders that hold them.")
 ]
+
+
+class TaskChoice(StrEnum):
+    """Tasks to choose from."""
+
+    EXPLORATION = "exploration"
+    NAVIGATION = "navigation"
+
+
+class TableFormat(StrEnum):
+    """Formats of the table."""
+
+    TEXT = "text"
+    MARKDOWN = "markdown"
+    LATEX = "latex"
+    CSV = "csv"
 
 
 def resolve(
@@ -90,3 +108,14 @@ def settings_of(
     """
     settings = resolve(maps, limit, config, overrides, task=results.task, metres_per_pixel=results.metres_per_pixel)
     return settings, WorldSet.open(settings.maps, results.task, results.metres_per_pixel, limit)
+
+
+def write_text(text: str, path: Path | None) -> None:
+    """Write a text to a file, or to the standard output where none is named; `ResultsError` when that cannot be."""
+    if path is None:
+        sys.stdout.write(text)
+        return
+    try:
+        path.write_text(text, "utf-8")
+    except OSError as error:
+        raise ResultsError(f"cannot write {path} ({error.strerror}): check the folder") from error

@@ -87,7 +87,7 @@ def plot_trajectories(
     found: Sequence[Results], map_name: str, world: GridMap, settings: EvaluationSettings, path: Path
 ) -> None:
     """Draw the route of every planner on one map, over what it knew at the end, with beacons and frontiers."""
-    figure, axes = _panels(len(found), world.size[1] / world.size[0])
+    figure, axes = panels(len(found), world.size[1] / world.size[0])
     for results, ax in zip(found, axes, strict=False):
         shown = trace(results, map_name, world, settings)
         episode = next(episode for episode in results.episodes if episode.map == map_name)
@@ -108,7 +108,7 @@ def plot_trajectories(
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=8)
     figure.suptitle(map_name, fontsize=10)
-    _save(figure, path)
+    save(figure, path)
 
 
 def plot_coverage(
@@ -130,7 +130,7 @@ def plot_coverage(
     load = worlds if callable(worlds) else worlds.__getitem__
     farthest = max(episode.distance_m for results in found for episode in results.episodes)
     grid = np.linspace(0.0, max(farthest, 1.0), CURVE_POINTS)
-    figure, (ax,) = _panels(1, 0.65, 6.0)
+    figure, (ax,) = panels(1, 0.65, 6.0)
     for results in found:
         curves = []
         for episode in results.episodes:
@@ -146,12 +146,12 @@ def plot_coverage(
     ax.set(xlabel="distance [m]", ylabel="explored share", ylim=(0.0, 1.02))
     ax.legend(fontsize=8)
     ax.grid(alpha=0.3)
-    _save(figure, path)
+    save(figure, path)
 
 
 def plot_boxes(found: Sequence[Results], path: Path) -> None:
     """Draw the distances of every planner as boxes: quartiles, 5 to 95 %, the mean as a triangle."""
-    figure, (ax,) = _panels(1, 0.65, 6.0)
+    figure, (ax,) = panels(1, 0.65, 6.0)
     distances = [[episode.distance_m for episode in results.episodes] for results in found]
     ax.boxplot(
         distances,
@@ -163,7 +163,7 @@ def plot_boxes(found: Sequence[Results], path: Path) -> None:
     ax.set_ylabel("distance [m]")
     ax.tick_params(axis="x", labelsize=8)
     ax.grid(axis="y", alpha=0.3)
-    _save(figure, path)
+    save(figure, path)
 
 
 def plot_scatter(found: Sequence[Results], baseline: str, path: Path) -> None:
@@ -176,7 +176,7 @@ def plot_scatter(found: Sequence[Results], baseline: str, path: Path) -> None:
     others = [results for results in found if results is not reference]
     if not others:
         raise ResultsError(f"there is only {baseline!r}: a scatter plot needs the results of another planner too")
-    figure, axes = _panels(len(others), 1.0)
+    figure, axes = panels(len(others), 1.0)
     theirs = {episode.map: episode for episode in reference.episodes}
     for results, ax in zip(others, axes, strict=False):
         pairs = [(theirs[episode.map], episode) for episode in results.episodes if episode.map in theirs]
@@ -193,7 +193,7 @@ def plot_scatter(found: Sequence[Results], baseline: str, path: Path) -> None:
         ax.set_title(f"ratio {distance_ratio(results, reference):.3f}, {better}", fontsize=9)
         ax.set_aspect("equal")
         ax.legend(fontsize=7)
-    _save(figure, path)
+    save(figure, path)
 
 
 def _success(results: Results) -> str:
@@ -204,8 +204,12 @@ def _in_pixels(world: GridMap, positions: NDArray[np.float64]) -> NDArray[np.flo
     return np.array([to_pixels(world, (x, y)) for x, y in positions.tolist()]).reshape(-1, 2)
 
 
-def _panels(count: int, aspect: float, width: float = PANEL_WIDTH) -> tuple[Any, list[Any]]:
-    """Return a figure with `count` axes, at most three in a row."""
+def panels(count: int, aspect: float, width: float = PANEL_WIDTH) -> tuple[Any, list[Any]]:
+    """Return a figure with `count` axes, at most three in a row.
+
+    Raises:
+        ConfigError: matplotlib is not installed.
+    """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -219,7 +223,8 @@ def _panels(count: int, aspect: float, width: float = PANEL_WIDTH) -> tuple[Any,
     return figure, axes
 
 
-def _save(figure: Any, path: Path) -> None:
+def save(figure: Any, path: Path) -> None:
+    """Write a figure to a file, its folder made when missing; `ResultsError` when that cannot be."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=110)

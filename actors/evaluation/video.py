@@ -60,9 +60,18 @@ def write_video(
         ResultsError: the suffix is another one, or the file cannot be written.
         ConfigError: imageio is not installed.
     """
+    return write_frames(_frames(results, episode, world, settings, width), path, fps)
+
+
+def write_frames(frames: Iterator[Image.Image], path: Path, fps: int = 10) -> int:
+    """Write pictures of one size, both sides even, as GIF or MP4 and return their number.
+
+    Raises:
+        ResultsError: the suffix is another one, or the file cannot be written.
+        ConfigError: imageio is not installed.
+    """
     if path.suffix.lower() not in SUFFIXES:
         raise ResultsError(f"a video ends in .gif or .mp4, got {path.name!r}")
-    frames = _frames(results, episode, world, settings, width)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.suffix.lower() == ".gif":

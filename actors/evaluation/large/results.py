@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from actors.evaluation.episode import Outcome
 from actors.evaluation.large.episode import LargeOutcome
+from actors.evaluation.large.settings import LargeSettings
 from actors.evaluation.results import (
     PLACES,
     Coordinate,
@@ -20,10 +21,13 @@ from actors.evaluation.results import (
     Name,
     Record,
     Results,
+    ResultsError,
     collect,
     read_record,
     write_record,
 )
+from actors.evaluation.worlds import WorldSet
+from actors.maps.grid_map import GridMap
 
 Count = Annotated[int, Field(ge=0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -100,6 +104,7 @@ class LargeResults(Record):
         commit: of the code that made it.
         seed: of the run.
         settings: all settings that the episodes depend on, as the journal has them.
+        worlds: number of worlds that were to be done.
         episodes: one per world.
     """
 
@@ -111,6 +116,7 @@ class LargeResults(Record):
     commit: str
     seed: int
     settings: dict[str, Any]
+    worlds: Annotated[int, Field(ge=1)]
     episodes: list[LargeEpisode]
 
     def plain(self) -> Results:
@@ -184,3 +190,26 @@ def collect_large_results(places: Sequence[Path]) -> list[LargeResults]:
         ResultsError: there is none, a file is damaged, two have the same planner, or tasks and scales differ.
     """
     return collect(places, read_large_results, "hd-eval large")
+
+
+def worlds_of(results: LargeResults, names: Sequence[str]) -> dict[str, GridMap]:
+    """Make the worlds of a results file by their names.
+
+    Raises:
+        ResultsError: the settings of the file are none of this version.
+        MapError: its source has no such world.
+    """
+    settings = settings_of(results)
+    worlds = WorldSet.open(settings.maps, results.task, settings.metres_per_pixel, results.worlds)
+    return {name: worlds.load(number) for name, number in worlds.find(list(dict.fromkeys(names))).items()}
+
+
+def settings_of(results: LargeResults) -> LargeSettings:
+    """Return the settings that made a results file; `ResultsError` when they are none of this version."""
+    try:
+        return LargeSettings.model_validate(results.settings)
+    except ValidationError as error:
+        raise ResultsError(
+            f"the settings of {results.planner!r} are none of this version ({error.errors()[0]['msg']}): "
+            "use the version that made them"
+        ) from error

@@ -34,6 +34,7 @@ class LargeEvaluation(Evaluation):
             commit=commit,
             seed=settings.seed,
             settings=settings.fingerprint(planner),
+            worlds=self.worlds,
             episodes=[episode_result(name, outcome) for name, outcome in named],
         )
         write_large_results(self.results_file(planner), results)

@@ -1,0 +1,179 @@
+"""The commands `hd-eval large` and those that show what it made."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from actors.evaluation.options import ConfigFile, Overrides, ResultsPaths, TableFormat, TaskChoice, write_text
+from actors.evaluation.progress import planner_list, progress_bars, run_and_show
+from common.cli import EXIT_ERROR, command_errors
+from common.logs import setup_logging
+
+app = typer.Typer()
+
+Baseline = Annotated[
+    str | None, typer.Option("--baseline", metavar="PLANNER", help="Compare with it: ratio of distances, interval.")
+]
+
+
+@app.command()
+@command_errors
+def large(
+    planner: Annotated[
+        list[str],
+        typer.Option(
+            "--planner",
+            metavar="NAME[,NAME...]",
+            help="Planners (see hd-eval planners), `omniscient`, or MODULE:CLASS.",
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results; made when missing.")],
+    task: Annotated[TaskChoice, typer.Option("--task", help="Exploration, or a tour.")] = TaskChoice.EXPLORATION,
+    seeds: Annotated[int, typer.Option("--seeds", min=1, help="Number of worlds, from the first on.")] = 5,
+    world: Annotated[
+        str, typer.Option("--world", metavar="SOURCE", help="generator:NAME[?key=value&...], or a folder of PNG maps.")
+    ] = "generator:building",
+    targets: Annotated[int, typer.Option("--targets", min=1, max=50, help="Targets of a tour.")] = 5,
+    inflate: Annotated[
+        float, typer.Option("--inflate", min=0.0, metavar="METRES", help="Thicken obstacles for the planners.")
+    ] = 0.0,
+    policy: Annotated[
+        Path | None, typer.Option("--policy", metavar="FILE", help="Policy (.safetensors) of the planner `hdplanner`.")
+    ] = None,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Processes; 0 for one per core.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of planners, simulator and tours.")] = 0,
+    time_limit: Annotated[
+        float,
+        typer.Option("--time-limit", min=0.001, metavar="SECONDS", help="Processor time; a slower decision fails."),
+    ] = 10.0,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Begin anew instead of going on.")] = False,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+) -> None:
+    """Explore, or tour, buildings of 130 m x 100 m: a robot under physics, a 16-line lidar, sensing on the way.
+
+    A run that was broken off goes on where it was when the same command is given again. The exit code is 1 when an
+    episode crashed; the others are not affected.
+
+    Examples:
+    - `hd-eval large --planner greedy,tare,nearest --out exploration/`
+
+    - `hd-eval large --planner dstar_lite,far --task navigation --targets 5 --out navigation/`
+    """
+    from actors.evaluation.large.runner import LargeEvaluation
+    from actors.evaluation.large.settings import LIDAR, MAX_STEPS, LargeSettings
+    from common.config.load import load_config
+
+    console = Console(stderr=True)
+    setup_logging("warning", console=console if console.is_terminal else None)
+    own = [f"simulator.{name}={value}" for name, value in LIDAR.items()]
+    own += [f"task.max_steps={MAX_STEPS}", *(overrides or []), f"task.name={task.value}"]
+    run = load_config(config, own, os.environ)
+    settings = LargeSettings(
+        maps=(world,),
+        limit=seeds,
+        metres_per_pixel=run.maps.metres_per_pixel,
+        task=run.task,
+        mapping=run.mapping,
+        simulator=run.simulator,
+        seed=seed,
+        time_limit=time_limit,
+        policy=None if policy is None else str(policy.expanduser().resolve()),
+        targets=targets,
+        inflation=inflate,
+    )
+    names = planner_list(planner)
+    if run_and_show(LargeEvaluation(settings, names, out, overwrite=overwrite), names, jobs, console):
+        raise typer.Exit(EXIT_ERROR)
+
+
+@app.command()
+@command_errors
+def large_table(
+    results: ResultsPaths,
+    baseline: Baseline = None,
+    style: Annotated[TableFormat, typer.Option("--format", help="Format of the table.")] = TableFormat.TEXT,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write it there instead.")] = None,
+) -> None:
+    """Compare planners in large worlds: distance, time, computing, volume or targets, collisions.
+
+    Example: `hd-eval large-table exploration/ --baseline tare --format markdown`
+    """
+    from actors.evaluation.large.results import collect_large_results
+    from actors.evaluation.large.table import make_rows, notes
+    from actors.evaluation.table import render
+
+    found = collect_large_results(results)
+    titles, rows = make_rows(found, baseline)
+    write_text(render(titles, rows, style.value, notes(found, baseline)), out)
+
+
+@app.command()
+@command_errors
+def large_plot(
+    results: ResultsPaths,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the pictures; made when missing.")],
+    map_name: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="NAME", help="World of the trajectories; may be repeated. [default: the first]"),
+    ] = None,
+    suffix: Annotated[str, typer.Option("--suffix", help="Format: png, svg or pdf.")] = "png",
+) -> None:
+    """Draw explored volume against distance and time, and the driven ways.
+
+    Example: `hd-eval large-plot exploration/ --out pictures/`
+    """
+    from actors.evaluation.large import plots
+    from actors.evaluation.large.results import collect_large_results, worlds_of
+
+    found = collect_large_results(results)
+    written: list[Path] = []
+    if found[0].task == "exploration":
+        written.append(out / f"volume.{suffix}")
+        plots.plot_volume(found, written[-1])
+    names = [episode.map for each in found for episode in each.episodes]
+    chosen = map_name or names[:1]
+    worlds = worlds_of(found[0], chosen)
+    for name in chosen:
+        written.append(out / f"tracks-{re.sub(r'[^A-Za-z0-9_]+', '-', name).strip('-')}.{suffix}")
+        plots.plot_tracks(found, name, worlds[name], written[-1])
+    for path in written:
+        Console(stderr=True).print(str(path), highlight=False)
+
+
+@app.command()
+@command_errors
+def large_recount(results: ResultsPaths) -> None:
+    """Recount results from their tracks, and say where they disagree.
+
+    Every scan is made again where the robot was: distance, time, explored share and volume, arrivals and the places
+    themselves are checked. The exit code is 1 when something disagrees.
+
+    Example: `hd-eval large-recount exploration/`
+    """
+    from actors.evaluation.large.recount import recount
+    from actors.evaluation.large.results import collect_large_results, worlds_of
+
+    found = collect_large_results(results)
+    console = Console(stderr=True)
+    differing = 0
+    for each in found:
+        worlds = worlds_of(each, [episode.map for episode in each.episodes])
+        lines: list[str] = []
+        with progress_bars(console) as bars:
+            row = bars.add_task(each.planner, total=len(each.episodes))
+            for episode in each.episodes:
+                problems = recount(each, episode, worlds[episode.map])
+                differing += bool(problems)
+                lines += [f"  {episode.map}: {problem}\n" for problem in problems]
+                bars.advance(row)
+        agree = len(each.episodes) - len({line.split(":")[0] for line in lines})
+        write_text(f"{each.planner}: {agree} of {len(each.episodes)} episodes agree\n" + "".join(lines), None)
+    if differing:
+        raise typer.Exit(EXIT_ERROR)
