@@ -64,7 +64,8 @@ def laser_scan(time: float, frame: str, scan: Scan, scan_time: float = 0.0) -> M
 def points_from(cloud: Message) -> NDArray[np.float32]:
     """Return the points of a PointCloud2: float32, shape (n, 3), or (n, 4) where it has an intensity.
 
-    Points that are not finite are left out. Any field types, offsets, paddings and byte orders are read.
+    Points that are not finite are left out. Any field types, offsets, paddings and byte orders are read. The array may
+    be a read-only view of the message.
 
     Raises:
         RosError: when x, y or z lacks, or the sizes do not fit the data.
@@ -93,19 +94,16 @@ def points_from(cloud: Message) -> NDArray[np.float32]:
         )
     if len(data) < cloud.row_step * (cloud.height - 1) + cloud.width * cloud.point_step:
         raise RosError(f"a PointCloud2 of {cloud.height} rows of {cloud.row_step} bytes has only {len(data)} bytes")
-    rows = np.ndarray(
-        (cloud.height, cloud.width, cloud.point_step), np.uint8, data, 0, (cloud.row_step, cloud.point_step, 1)
-    )
-    packed = formats == ["<f4"] * len(names) and offsets == list(range(0, 4 * len(names), 4))
     points: NDArray[np.float32]
-    if packed:
-        points = rows[:, :, : 4 * len(names)].reshape(-1, 4 * len(names)).view(np.float32)
+    packed = formats == ["<f4"] * len(names) and offsets == list(range(0, 4 * len(names), 4))
+    if packed and cloud.point_step == 4 * len(names) and cloud.row_step == cloud.width * cloud.point_step:
+        points = data[: cloud.height * cloud.row_step].view(np.float32).reshape(-1, len(names))
     else:
         points = np.empty((cloud.height * cloud.width, len(names)), np.float32)
+        grid = points.reshape(cloud.height, cloud.width, len(names))
+        strides = (cloud.row_step, cloud.point_step)
         for column, (offset, form) in enumerate(zip(offsets, formats, strict=True)):
-            size = np.dtype(form).itemsize
-            values = rows[:, :, offset : offset + size].reshape(-1, size).view(form)
-            points[:, column] = values[:, 0]
+            grid[:, :, column] = np.ndarray((cloud.height, cloud.width), form, data.data, offset, strides)
     finite = np.isfinite(points[:, 0] + points[:, 1] + points[:, 2])
     return points if finite.all() else points[finite]
 
@@ -317,13 +315,14 @@ def pose_stamped(time: float, frame: str, pose: Pose, z: float = 0.0) -> Message
 
 def path(time: float, frame: str, positions: Sequence[Position], z: float = 0.0) -> Message:
     """Build a Path through positions in metres; each pose looks towards the next."""
+    head = header(time, frame)
     poses = []
     yaw = 0.0
     for number, (x, y) in enumerate(positions):
         if number + 1 < len(positions):
             yaw = math.atan2(positions[number + 1][1] - y, positions[number + 1][0] - x)
-        poses.append(pose_stamped(time, frame, Pose(x, y, yaw), z))
-    return message("nav_msgs/msg/Path", header=header(time, frame), poses=poses)
+        poses.append(message("geometry_msgs/msg/PoseStamped", header=head, pose=pose_message(Pose(x, y, yaw), z)))
+    return message("nav_msgs/msg/Path", header=head, poses=poses)
 
 
 def path_from(route: Message) -> list[Position]:

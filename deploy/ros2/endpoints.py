@@ -205,19 +205,16 @@ class Latest(Closing):
         kind: message type.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, subscribe: Callable[[Callable[[Message, Received], None]], Subscription]) -> None:
+        """Subscribe.
+
+        Args:
+            subscribe: makes a subscription with the callback that it is given.
+        """
         self._newest: tuple[Message, Received] | None = None
-        self._subscription: Subscription | None = None
-
-    def attach(self, subscription: Subscription) -> None:
-        """Name the subscription that feeds this object."""
-        self._subscription = subscription
-        self.topic = subscription.topic
-        self.kind = subscription.kind
-
-    def put(self, message: Message, received: Received) -> None:
-        """Take a message."""
-        self._newest = (message, received)
+        self._subscription = subscribe(self._put)
+        self.topic = self._subscription.topic
+        self.kind = self._subscription.kind
 
     def get(self) -> tuple[Message, Received] | None:
         """Return the newest message and how it came; None before the first."""
@@ -230,8 +227,10 @@ class Latest(Closing):
 
     def close(self) -> None:
         """Receive no more; the newest message stays."""
-        if self._subscription is not None:
-            self._subscription.close()
+        self._subscription.close()
+
+    def _put(self, message: Message, received: Received) -> None:
+        self._newest = (message, received)
 
 
 def _declare_publisher(session: zenoh.Session, endpoint: Endpoint) -> Any:

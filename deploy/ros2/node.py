@@ -104,9 +104,7 @@ class Node(Closing):
         Raises:
             RosError: for a malformed name or an unknown type.
         """
-        latest = Latest()
-        latest.attach(self._subscribe(topic, kind, latest.put, qos, raw=False))
-        return latest
+        return Latest(lambda callback: self._subscribe(topic, kind, callback, qos, raw=False))
 
     def resolve(self, topic: str) -> str:
         """Return the absolute, remapped name of a topic."""
