@@ -41,7 +41,7 @@ def yaw_about_z(yaw: float) -> tuple[float, float, float, float]:
 
 
 def robot_tree() -> TransformTree:
-    """map -> odom (corrected once), odom -> base_link (20 Hz, 1 m/s along x), base_link -> lidar (static, upside down)."""
+    """map -> odom (corrected once) -> base_link (20 Hz, 1 m/s along x) -> lidar (static, upside down)."""
     tree = TransformTree()
     tree.add(0.0, "map", "odom", (10.0, 5.0, 0.0), yaw_about_z(np.pi / 2))
     for k in range(21):

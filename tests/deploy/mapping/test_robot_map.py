@@ -1,0 +1,319 @@
+"""The robot's map as the bridge uses it."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from common.errors import MappingError
+from common.geometry import Pose
+from common.mapping.sight import FREE, OCCUPIED, UNKNOWN
+from deploy.mapping import RobotMap
+from deploy.mapping.inflation import inflation_offsets
+from tests.common.mapping.worlds import random_world
+from tests.deploy.mapping.lidar import RESOLUTION, cloud_at, configure, room, scan_at
+from tests.deploy.mapping.test_inflation import inflated
+
+BODY = {"robot_radius": 0.25, "clearance": 0.05}
+
+
+def see(robot_map: RobotMap, free: np.ndarray, pose: Pose, start: float, *, scans: int = 3, **world: object) -> float:
+    """Stand at a pose for some scans at 10 Hz and return the time."""
+    for _ in range(scans):
+        start += 0.1
+        robot_map.add_pose(start, pose)
+        robot_map.add_scan(start, scan_at(free, pose, **world))
+    return start
+
+
+def test_there_is_no_mapper_before_pose_and_map():
+    robot_map = RobotMap(configure())
+    assert robot_map.refresh() is None
+    assert robot_map.occupancy() is None
+    assert len(robot_map.obstacles_near(Pose(0.0, 0.0), 5.0)) == 0
+    robot_map.add_pose(1.0, Pose(4.0, 5.0))
+    assert robot_map.pose == Pose(4.0, 5.0)
+    assert robot_map.refresh() is None
+    robot_map.add_scan(1.0, scan_at(room(), Pose(4.0, 5.0)))
+    mapper = robot_map.refresh()
+    assert mapper is not None
+    assert robot_map.refresh() is mapper
+
+
+@pytest.mark.parametrize("origin", [(0.0, 0.0), (-107.3, -55.1), (3000.0, -4000.0)])
+def test_it_explores_from_anywhere_in_the_map_frame(origin):
+    """Starts off the lattice, and at negative and large coordinates."""
+    robot_map = RobotMap(configure(driving=BODY, mapping={"resolution": 0.2}))
+    see(robot_map, room(), Pose(origin[0] + 4.13, origin[1] + 5.07, 0.3), 0.0, origin=origin)
+    mapper = robot_map.refresh()
+    assert not mapper.stuck
+    observation = mapper.observe()
+    assert observation.beacon.any()
+    assert len(observation.waypoint_nodes()) > 3
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 10**6), st.sampled_from([0.1, 0.2, 0.25]))
+def test_viewpoints_and_edges_keep_the_robots_radius_from_walls(seed, resolution):
+    rng = np.random.default_rng(seed)
+    free = random_world(rng, 40, 60)
+    cells = np.argwhere(free)
+    walls = np.argwhere(~free)
+    robot_map = RobotMap(configure(driving=BODY, mapping={"resolution": resolution}, sensing={"range_noise": 0.0}))
+    now = 0.0
+    for row, column in cells[rng.integers(len(cells), size=3)]:
+        pose = Pose((column + 0.5) * RESOLUTION, (row + 0.5) * RESOLUTION)
+        now = see(robot_map, free, pose, now)
+        mapper = robot_map.refresh()
+    positions = mapper.viewpoints
+    for a, b in mapper.edges:
+        for share in np.linspace(0.0, 1.0, 9):
+            x, y = positions[a] + share * (positions[b] - positions[a])
+            if pose.distance_to((float(x), float(y))) < 1.0:
+                continue  # Its own surroundings are free, so that it gets away from a wall.
+            gap_x = np.maximum(np.abs((walls[:, 1] + 0.5) * RESOLUTION - x) - RESOLUTION / 2, 0.0)
+            gap_y = np.maximum(np.abs((walls[:, 0] + 0.5) * RESOLUTION - y) - RESOLUTION / 2, 0.0)
+            near = np.hypot(gap_x, gap_y).min()
+            # Seen obstacles keep the radius; a wall that no beam has met yet is not known.
+            if near < 0.25 - 1e-6:
+                row = walls[np.hypot(gap_x, gap_y).argmin()]
+                seen = mapper.belief.at(((row[1] + 0.5) * RESOLUTION, (row[0] + 0.5) * RESOLUTION))
+                assert seen != OCCUPIED or resolution != RESOLUTION
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 10**6))
+def test_the_belief_is_always_the_inflated_map(seed):
+    """Updates only where something changed give what inflating everything gives, growth and moving things included."""
+    rng = np.random.default_rng(seed)
+    config = configure(driving=BODY, mapping={"resolution": 0.2})
+    offsets = inflation_offsets(0.2, 0.25, 0.05)
+    robot_map = RobotMap(config)
+    free = random_world(rng, 40, 60)
+    now = 0.0
+    for _ in range(6):
+        world = free.copy()
+        row, column = rng.integers(2, 36), rng.integers(2, 56)
+        world[row : row + 2, column : column + 2] = False
+        cells = np.argwhere(world)
+        row, column = cells[rng.integers(len(cells))]
+        pose = Pose((column + rng.random()) * RESOLUTION, (row + rng.random()) * RESOLUTION)
+        now = see(robot_map, world, pose, now, scans=2, range_max=6.0)
+        belief = robot_map.refresh().belief
+        states, resolution, origin = robot_map.occupancy()
+        assert belief.shape == states.shape
+        assert belief.origin == pytest.approx(origin)
+        expected = inflated(states, offsets)
+        rows, columns = np.nonzero(belief.cells != expected)
+        x, y = origin[0] + (columns + 0.5) * resolution, origin[1] + (rows + 0.5) * resolution
+        assert (np.hypot(x - pose.x, y - pose.y) < 2.0).all(), "only the robot's own surroundings differ"
+        assert belief.known_cells == np.count_nonzero(belief.cells != UNKNOWN)
+
+
+@pytest.mark.parametrize("place", [(0.76, 5.0), (0.62, 0.62), (3.2, 3.3)])
+def test_a_robot_beside_a_wall_or_inside_an_obstacle_is_not_stuck(place):
+    """The last place lies behind the face of a pillar, as when the localisation is off by a little."""
+    robot_map = RobotMap(configure(driving=BODY, mapping={"resolution": 0.2}))
+    now = see(robot_map, room(), Pose(4.0, 5.0), 0.0)
+    now = see(robot_map, room(), Pose(2.0, 2.0), now)
+    robot_map.refresh()
+    robot_map.add_pose(now + 0.1, Pose(*place))
+    mapper = robot_map.refresh()
+    assert mapper.belief.at(place) == FREE
+    assert not mapper.stuck
+    robot_map.add_pose(now + 0.2, Pose(6.0, 5.0))
+    after = robot_map.refresh().belief.at((0.76, 5.0))
+    assert after == OCCUPIED, "room beside the wall is kept again once the robot has gone"
+
+
+def test_the_target_can_change_without_losing_the_map():
+    robot_map = RobotMap(configure(), target=(13.0, 5.0))
+    see(robot_map, room(), Pose(4.0, 5.0), 0.0)
+    mapper = robot_map.refresh()
+    known = mapper.belief.known_cells
+    assert mapper.observe().has_target
+    robot_map.set_target((5.0, 5.0))
+    assert robot_map.refresh() is mapper
+    assert mapper.target == (5.0, 5.0)
+    assert mapper.target_known
+    robot_map.set_target(None)
+    assert not robot_map.refresh().observe().has_target
+    assert mapper.belief.known_cells == known
+
+
+def test_reset_forgets_the_map_but_not_where_the_robot_is():
+    robot_map = RobotMap(configure())
+    now = see(robot_map, room(), Pose(4.0, 5.0), 0.0)
+    old = robot_map.refresh()
+    robot_map.reset(target=(9.0, 9.0))
+    assert robot_map.refresh() is None
+    assert robot_map.pose == Pose(4.0, 5.0)
+    assert robot_map.statistics.free_area == 0.0
+    see(robot_map, room(), Pose(4.0, 5.0), now)
+    new = robot_map.refresh()
+    assert new is not old
+    assert new.target == (9.0, 9.0)
+
+
+def test_statistics_tell_what_became_of_the_messages():
+    robot_map = RobotMap(configure())
+    now = see(robot_map, room(), Pose(4.0, 5.0), 0.0)
+    robot_map.add_scan(now + 50.0, scan_at(room(), Pose(4.0, 5.0)))
+    robot_map.refresh()
+    statistics = robot_map.statistics
+    assert (statistics.received, statistics.integrated, statistics.waiting) == (4, 3, 1)
+    assert 30.0 < statistics.free_area < 140.0
+    broken = scan_at(room(), Pose(4.0, 5.0))
+    robot_map.add_scan(now, type(broken)(broken.ranges, float("nan"), broken.angle_increment, 12.0))
+    robot_map.refresh()
+    assert robot_map.statistics.dropped == {"scan refused": 1}
+    assert "finite" in robot_map.statistics.problem
+
+
+def slam(free: np.ndarray, seen: slice) -> np.ndarray:
+    cells = np.where(free, 0, 100).astype(np.int8)
+    cells[:, : seen.start] = -1
+    cells[:, seen.stop :] = -1
+    return cells
+
+
+def test_a_slam_map_may_grow_shrink_and_move():
+    robot_map = RobotMap(configure(sensing={"source": "grid"}))
+    robot_map.add_pose(1.0, Pose(-3.0, 5.0))
+    free = room()
+    robot_map.add_grid(1.0, slam(free, slice(0, 30))[:, :30], RESOLUTION, (-7.1, 0.05, 0.0))
+    mapper = robot_map.refresh()
+    assert not mapper.stuck
+    first = mapper.belief.free_area
+    cells = slam(free, slice(0, 50))
+    grown = np.full((50, 75), -1, dtype=np.int8)
+    grown[7:47, 11:71] = cells
+    robot_map.add_grid(2.0, grown, RESOLUTION, (-7.1 - 11 * RESOLUTION, 0.05 - 7 * RESOLUTION, 0.0))
+    assert robot_map.refresh() is mapper
+    assert mapper.belief.free_area > first
+    assert np.array_equal(mapper.belief.window((-7.1, 0.05), free.shape), cells)
+    robot_map.add_grid(3.0, cells[:, :20], RESOLUTION, (-7.1, 0.05, 0.0))
+    robot_map.refresh()
+    assert (mapper.belief.window((-7.1, 0.05), free.shape)[:, 20:] == UNKNOWN).all(), (
+        "the newest map is the whole truth"
+    )
+
+
+def test_slam_maps_of_other_cells_and_turned_ones_are_resampled():
+    for resolution, yaw in ((0.05, 0.0), (0.3, 0.0), (0.05, 0.5)):
+        robot_map = RobotMap(configure(sensing={"source": "grid"}))
+        scale = round(10.0 / resolution)
+        cells = np.zeros((scale, scale), dtype=np.int8)
+        cells[:, scale // 2] = 100
+        robot_map.add_grid(1.0, cells, resolution, (0.0, 0.0, yaw))
+        rotation = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        robot_map.add_pose(1.0, Pose(*(rotation @ [2.5, 5.0])))
+        belief = robot_map.refresh().belief
+        wall = rotation @ [(scale // 2 + 0.5) * resolution, 5.0]
+        assert belief.at((float(wall[0]), float(wall[1]))) == OCCUPIED
+        for x in (2.5, 8.0):
+            inside = rotation @ [x, 5.0]
+            assert belief.at((float(inside[0]), float(inside[1]))) == FREE
+
+
+def test_bad_slam_maps_leave_the_last_one_in_place():
+    robot_map = RobotMap(configure(sensing={"source": "grid"}))
+    robot_map.add_pose(1.0, Pose(3.0, 5.0))
+    robot_map.add_grid(1.0, slam(room(), slice(0, 60)), RESOLUTION, (0.0, 0.0, 0.0))
+    known = robot_map.refresh().belief.known_cells
+    for number, (cells, resolution) in enumerate(
+        [(np.zeros((0, 0), dtype=np.int8), 0.05), (np.zeros((4, 4), dtype=np.int8), 0.0)]
+    ):
+        robot_map.add_grid(2.0 + number, cells, resolution, (0.0, 0.0, 0.0))
+        assert robot_map.refresh().belief.known_cells == known
+    robot_map.add_grid(1.5, np.zeros((4, 4), dtype=np.int8), 0.25, (0.0, 0.0, 0.0))
+    assert robot_map.refresh().belief.known_cells == known
+    assert robot_map.statistics.dropped == {"grid refused": 2, "grid outdated": 1}
+    robot_map.add_grid(9.0, np.full((40, 60), 50, dtype=np.int8), RESOLUTION, (0.0, 0.0, 0.0))
+    robot_map.refresh()
+    assert "grid_free" in robot_map.statistics.problem
+
+
+def test_obstacles_come_from_the_newest_scan_and_stay_in_place_while_the_robot_moves():
+    robot_map = RobotMap(configure())
+    now = see(robot_map, room(), Pose(4.0, 5.0), 0.0)
+    robot_map.add_pose(now + 0.1, Pose(4.3, 5.0))
+    near = robot_map.obstacles_near(robot_map.pose, 2.5)
+    assert np.hypot(near[:, 0] - 4.3, near[:, 1] - 5.0).max() <= 2.5
+    # The pillar from (3.0, 2.5) to (3.5, 3.0).
+    assert np.abs(near - [3.5, 3.0]).max(axis=1).min() < 0.05
+
+
+def test_obstacles_of_a_robot_with_slam_alone_come_from_its_map():
+    robot_map = RobotMap(configure(sensing={"source": "grid"}))
+    robot_map.add_pose(1.0, Pose(3.0, 5.0))
+    robot_map.add_grid(1.0, slam(room(), slice(0, 60)), RESOLUTION, (0.0, 0.0, 0.0))
+    robot_map.refresh()
+    near = robot_map.obstacles_near(Pose(3.0, 5.0), 3.0)
+    assert len(near) > 3
+    assert np.hypot(near[:, 0] - 3.0, near[:, 1] - 5.0).max() <= 3.0
+
+
+def test_octomap_needs_clouds():
+    with pytest.raises(MappingError, match="points"):
+        RobotMap(configure(sensing={"octomap": True}))
+
+
+def test_a_cloud_of_thirty_thousand_points_costs_little():
+    """In processor time, so that a busy machine does not matter: intake and refresh below 20 ms per cloud."""
+    robot_map = RobotMap(configure(sensing={"source": "points"}, driving=BODY, mapping={"resolution": 0.2}))
+    costs = []
+    for k in range(12):
+        pose = Pose(4.0 + 0.1 * k, 5.0)
+        cloud = cloud_at(room(), pose, azimuths=2100)
+        assert len(cloud) > 25_000
+        robot_map.add_pose(k / 10, pose)
+        begin = time.thread_time()
+        robot_map.add_points(k / 10, cloud)
+        assert robot_map.refresh() is not None
+        costs.append(time.thread_time() - begin)
+    assert np.median(costs) < 0.02
+    assert robot_map.statistics.explored_volume > 20.0
+
+
+def test_threads_may_add_and_ask_while_the_map_is_refreshed():
+    robot_map = RobotMap(configure())
+    scan = scan_at(room(), Pose(4.0, 5.0))
+    errors: list[BaseException] = []
+    stop = threading.Event()
+
+    def repeat(action):
+        try:
+            while not stop.is_set():
+                action()
+        except BaseException as error:  # noqa: BLE001 - the test reports whatever went wrong in the thread
+            errors.append(error)
+
+    stamps = iter(range(10**9))
+
+    def feed():
+        stamp = next(stamps) / 10
+        robot_map.add_pose(stamp, Pose(4.0, 5.0))
+        robot_map.add_scan(stamp, scan)
+        time.sleep(0.001)
+
+    def ask():
+        robot_map.obstacles_near(Pose(4.0, 5.0), 4.0)
+        assert robot_map.statistics.received >= 0
+        robot_map.occupancy()
+        time.sleep(0.001)
+
+    threads = [threading.Thread(target=repeat, args=(action,)) for action in (feed, ask)]
+    for thread in threads:
+        thread.start()
+    end = time.monotonic() + 30.0
+    while robot_map.statistics.integrated < 30 and time.monotonic() < end and not errors:
+        robot_map.refresh()
+    robot_map.reset()
+    stop.set()
+    for thread in threads:
+        thread.join()
+    assert not errors
