@@ -59,7 +59,7 @@ class LocalActors(Closing):
         self._number = number
         self._stopping = False
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "learner.tethered", str(os.getpid()), *command],
+            [sys.executable, "-m", "common.tethered", str(os.getpid()), *command],
             env=process_environment(threads=1),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

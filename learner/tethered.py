@@ -1,28 +1,10 @@
-"""Runs a command that ends with the process that started it, even when that process is killed.
-
-Used as ``python -m learner.tethered PARENT COMMAND...``: asks Linux for a SIGTERM at the parent's death and becomes the
-command. The request survives the exchange of the program.
-"""
+"""The former name of `common.tethered`, which running supervisors still start their actors by."""
 
 from __future__ import annotations
 
-import ctypes
-import os
-import signal
 import sys
 
-_PR_SET_PDEATHSIG = 1
-
-
-def main(arguments: list[str]) -> None:
-    """Tie this process to its parent and become the command."""
-    parent, *command = arguments
-    if sys.platform.startswith("linux"):
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-        if os.getppid() != int(parent):  # it died before we asked
-            return
-    os.execv(command[0], command)
-
+from common.tethered import main
 
 if __name__ == "__main__":
     main(sys.argv[1:])

@@ -154,8 +154,11 @@ class Trainer:
     def sample(self) -> TransitionBatch:
         """Draw the batch of the next update: labelled steps while cloning, transitions afterwards."""
         began = time.perf_counter()
-        draw = self.replay.sample_labelled if self.cloning else self.replay.sample
-        batch = draw(self.config.learner.batch_size, self._rng)
+        size, sac = self.config.learner.batch_size, self.config.sac
+        if self.cloning:
+            batch = self.replay.sample_labelled(size, self._rng)
+        else:
+            batch = self.replay.sample(size, self._rng, steps=sac.n_step, gamma=sac.gamma)
         self.recorder.note("time/sample_ms", 1e3 * (time.perf_counter() - began))
         return batch
 

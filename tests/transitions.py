@@ -28,6 +28,7 @@ def random_transitions(
         beacons=np.array([rng.choice(now[k].beacon_nodes()) for k in range(count)], dtype=np.int32),
         waypoints=np.array([rng.choice(now[k].waypoint_nodes()) for k in range(count)], dtype=np.int32),
         rewards=rng.normal(size=count).astype(np.float32),
+        discounts=np.full(count, 0.99, dtype=np.float32),
         terminal=terminal,
         next_valid=terminal | (rng.random(count) < 0.95),
         labelled=marks,

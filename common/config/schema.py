@@ -176,6 +176,8 @@ class SacConfig(Section):
 
     gamma: Fraction = 0.99
     """Discount factor."""
+    n_step: Annotated[int, Field(ge=1, le=64)] = 1
+    """Rewards that a critic's target sums before it bootstraps."""
     target_update: Literal["hard", "soft"] = "hard"
     """`hard`: copy the critics every `target_interval` updates; `soft`: moving average at rate `target_rate`."""
     target_interval: Annotated[int, Field(ge=1)] = 256

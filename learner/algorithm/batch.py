@@ -15,12 +15,15 @@ from common.observation import ObservationBatch
 class TransitionBatch:
     """k transitions (o, b, a, r, o') drawn from the replay buffer; beacons and waypoints are node numbers.
 
+    With n-step returns, r is the discounted sum of up to n rewards and o' is what was seen after the last of them.
+
     Attributes:
         observations: o, k observations.
         next_observations: o', k observations; where `next_valid` is False any filler, such as o itself.
         beacons: chosen beacon, a node of o, int32, shape (k,).
         waypoints: chosen waypoint, a node of o, int32, shape (k,).
         rewards: float32, shape (k,).
+        discounts: γ^m for the m steps that `rewards` sums, float32, shape (k,): the weight of what comes after o'.
         terminal: o' is the end of the task, so nothing comes after it, bool, shape (k,). A time limit is no
             terminal end: its o' is bootstrapped.
         next_valid: o' is known, bool, shape (k,). Where it is not (the actor died), the transition still serves
@@ -36,6 +39,7 @@ class TransitionBatch:
     beacons: NDArray[np.int32]
     waypoints: NDArray[np.int32]
     rewards: NDArray[np.float32]
+    discounts: NDArray[np.float32]
     terminal: NDArray[np.bool_]
     next_valid: NDArray[np.bool_]
     labelled: NDArray[np.bool_]

@@ -44,9 +44,12 @@ def soft_value(
     return segment_sum(weighted, batch.pair_graph, len(batch))
 
 
-def critic_target(rewards: Tensor, terminal: Tensor, next_value: Tensor, gamma: float) -> Tensor:
-    """Y = r + γ (1 − d) V_target(o'), shape (k,); d is 1 at a terminal end alone, a time limit is bootstrapped."""
-    return rewards + gamma * torch.where(terminal, torch.zeros_like(next_value), next_value)
+def critic_target(rewards: Tensor, terminal: Tensor, next_value: Tensor, discounts: Tensor) -> Tensor:
+    """Y = r + γ^m (1 − d) V_target(o'), shape (k,); d is 1 at a terminal end alone, a time limit is bootstrapped.
+
+    Of m rewards, r is the discounted sum; the entropies between, which α makes small, are left out of it.
+    """
+    return rewards + discounts * torch.where(terminal, torch.zeros_like(next_value), next_value)
 
 
 def critic_loss(q: Tensor, target: Tensor, huber_delta: float | None) -> Tensor:

@@ -186,7 +186,7 @@ class SacLearner:
                 next_q = torch.minimum(*self.target(sample.after))
             value = soft_value(after_output, next_q, *self._alphas(), sample.after)
             next_value[sample.bootstrapped] = value
-        goal = critic_target(sample.rewards, sample.terminal, next_value, sac.gamma)[sample.learnable]
+        goal = critic_target(sample.rewards, sample.terminal, next_value, sample.discounts)[sample.learnable]
         with self._precision():
             first, second = self.critic(sample.now)
         chosen = sample.chosen[sample.learnable]

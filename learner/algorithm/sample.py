@@ -25,6 +25,7 @@ class Sample:
         learnable: transitions with a known o', indices, int64.
         chosen: pair of each transition, int64, shape (k,).
         rewards: shape (k,).
+        discounts: shape (k,).
         terminal: shape (k,).
         guidance: the expert's labels, None without any.
     """
@@ -35,6 +36,7 @@ class Sample:
     learnable: Tensor
     chosen: Tensor
     rewards: Tensor
+    discounts: Tensor
     terminal: Tensor
     guidance: Guidance | None
 
@@ -70,6 +72,7 @@ class Sample:
             learnable=torch.from_numpy(np.flatnonzero(batch.next_valid | batch.terminal)).to(device),
             chosen=torch.from_numpy(now.arrays.pair_index(batch.beacons, batch.waypoints)).to(device),
             rewards=torch.from_numpy(batch.rewards).to(device),
+            discounts=torch.from_numpy(batch.discounts).to(device),
             terminal=torch.from_numpy(batch.terminal).to(device),
             guidance=guidance,
         )

@@ -100,14 +100,23 @@ class Replay:
                 self._evict()
         return chunk.steps
 
-    def sample(self, batch_size: int, rng: np.random.Generator) -> TransitionBatch:
+    def sample(
+        self, batch_size: int, rng: np.random.Generator, *, steps: int = 1, gamma: float = 0.99
+    ) -> TransitionBatch:
         """Draw transitions uniformly with replacement.
+
+        Args:
+            batch_size: how many.
+            rng: source of chance.
+            steps: rewards that are summed; fewer where the episode ends or its next step is not here.
+            gamma: discount factor.
 
         Raises:
             ValueError: when the buffer holds no transition.
         """
         with self._lock:
-            return self._draw(self._columns.successor >= 0, batch_size, rng, "transition")
+            drawn = self._draw(self._columns.successor >= 0, batch_size, rng, "transition")
+            return self._batch(drawn, steps, gamma)
 
     def sample_labelled(self, batch_size: int, rng: np.random.Generator) -> TransitionBatch:
         """Draw steps that an expert labelled, uniformly with replacement; their successor may be unknown.
@@ -116,7 +125,7 @@ class Replay:
             ValueError: when the buffer holds no labelled step.
         """
         with self._lock:
-            return self._draw(self._columns.labelled, batch_size, rng, "labelled step")
+            return self._batch(self._draw(self._columns.labelled, batch_size, rng, "labelled step"), 1, 1.0)
 
     @property
     def labelled(self) -> int:
@@ -280,28 +289,37 @@ class Replay:
 
     def _draw(
         self, candidates: NDArray[np.bool_], batch_size: int, rng: np.random.Generator, what: str
-    ) -> TransitionBatch:
+    ) -> NDArray[np.int64]:
         rows = np.flatnonzero(candidates[: min(self._next, self._slots)])
         if len(rows) == 0:
             raise ValueError(f"the replay buffer holds no {what} yet: wait for the actors")
         # Rows are counted from the oldest, so that the draw does not depend on where the ring stands.
         shift = int(np.searchsorted(rows, self._oldest % self._slots))
-        drawn = rows[(rng.integers(len(rows), size=batch_size) + shift) % len(rows)]
-        return self._batch(drawn)
+        return rows[(rng.integers(len(rows), size=batch_size) + shift) % len(rows)]
 
-    def _batch(self, rows: NDArray[np.int64]) -> TransitionBatch:
+    def _batch(self, rows: NDArray[np.int64], steps: int, gamma: float) -> TransitionBatch:
         columns = self._columns
         successor = columns.successor[rows]
         valid = successor >= 0
         following = np.where(valid, successor % self._slots, rows)
+        rewards, terminal = columns.reward[rows], columns.terminal[rows]
+        discounts = np.full(len(rows), gamma, dtype=np.float32)
+        for _ in range(steps - 1):
+            # Steps alone have a successor, and the row that follows a terminal step is no step.
+            onward = valid & (columns.successor[following] >= 0)
+            rewards[onward] += discounts[onward] * columns.reward[following[onward]]
+            terminal[onward] = columns.terminal[following[onward]]
+            discounts[onward] *= gamma
+            following[onward] = columns.successor[following[onward]] % self._slots
         labelled = columns.labelled[rows]
         return TransitionBatch(
             observations=self._gather(rows),
             next_observations=self._gather(following),
             beacons=columns.beacon[rows],
             waypoints=columns.waypoint[rows],
-            rewards=columns.reward[rows],
-            terminal=columns.terminal[rows],
+            rewards=rewards,
+            discounts=discounts,
+            terminal=terminal,
             next_valid=valid,
             labelled=labelled,
             labels=self._labels(rows, labelled) if labelled.any() else None,

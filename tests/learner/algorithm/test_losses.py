@@ -96,7 +96,9 @@ def test_an_end_state_without_choices_is_worth_nothing() -> None:
 
 
 def test_only_a_terminal_end_cuts_the_bootstrap() -> None:
-    target = critic_target(torch.tensor([1.0, 1.0]), torch.tensor([True, False]), torch.tensor([10.0, 10.0]), 0.9)
+    target = critic_target(
+        torch.tensor([1.0, 1.0]), torch.tensor([True, False]), torch.tensor([10.0, 10.0]), torch.tensor([0.9, 0.9])
+    )
     assert target.tolist() == pytest.approx([1.0, 10.0])
 
 

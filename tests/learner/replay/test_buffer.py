@@ -222,3 +222,33 @@ def test_adding_and_sampling_from_threads_never_mixes_observations():
         for reward, (o, following, _) in drawn(replay, 16).items():
             assert same(o, expected[reward][0]) and same(following, expected[reward][1])
     writer.join()
+
+
+def test_several_steps_sum_up_to_the_end_of_the_episode():
+    chunks = deliver(episode_chunks(np.random.default_rng(3), POOL, 7, 3, End.TERMINAL))
+    rewards = np.concatenate([delivery.body.rewards for delivery in chunks])
+    last = chunks[-1].body.observations
+    replay = Replay(capacity=1000, max_bytes=4_000_000)
+    for delivery in chunks:
+        replay.add(delivery)
+    firsts = {float(np.float32(r)): i for i, r in enumerate(rewards)}
+    ones = replay.sample(200, np.random.default_rng(5))
+    batch = replay.sample(200, np.random.default_rng(5), steps=3, gamma=0.5)
+    for i in range(200):
+        step = firsts[float(ones.rewards[i])]
+        taken = rewards[step : step + 3]
+        assert batch.rewards[i] == pytest.approx(sum(0.5**m * r for m, r in enumerate(taken)), rel=1e-5)
+        assert batch.discounts[i] == pytest.approx(0.5 ** len(taken))
+        assert batch.terminal[i] == (step + 3 >= 7)
+        if batch.terminal[i]:
+            assert same(batch.next_observations[i], last[len(last) - 1])
+
+
+def test_several_steps_stop_at_a_gap():
+    chunks = deliver(episode_chunks(np.random.default_rng(4), POOL, 12, 4, End.TRUNCATED))
+    replay = Replay(capacity=1000, max_bytes=4_000_000)
+    replay.add(chunks[0])
+    batch = replay.sample(100, np.random.default_rng(0), steps=5, gamma=0.5)
+    # Of the four steps here three have a successor: they sum one, two or three rewards.
+    assert set(batch.discounts.tolist()) == {0.5, 0.25, 0.125}
+    assert not batch.terminal.any()
