@@ -9,7 +9,7 @@ from collections.abc import Callable
 from common.geometry import Pose
 from deploy.config import DeployConfig
 from deploy.mapping import RobotMap
-from deploy.ros2 import LATCHED, RELIABLE, SENSOR, Message, Node, QoS, Received, seconds
+from deploy.ros2 import LATCHED, RELIABLE, SENSOR, STATIC, Message, Node, QoS, Received, seconds
 from deploy.ros2.conversions import grid_from, points_from, pose_from, scan_from, transforms_from
 from deploy.safety import HealthMonitor
 
@@ -47,7 +47,7 @@ class Inputs:
         wanted: list[tuple[str, str, Callable[[Message, Received], None], QoS]] = [
             (topics.odometry, "nav_msgs/msg/Odometry", self.take_odometry, _POSES),
             (topics.tf, "tf2_msgs/msg/TFMessage", self.take_transforms, _TRANSFORMS),
-            (topics.tf_static, "tf2_msgs/msg/TFMessage", self.take_static_transforms, LATCHED),
+            (topics.tf_static, "tf2_msgs/msg/TFMessage", self.take_static_transforms, STATIC),
             (topics.scan, "sensor_msgs/msg/LaserScan", self.take_scan, SENSOR),
             (topics.points, "sensor_msgs/msg/PointCloud2", self.take_points, SENSOR if by_tf else RELIABLE),
             (topics.map, "nav_msgs/msg/OccupancyGrid", self.take_grid, LATCHED),

@@ -125,14 +125,15 @@ class Publisher(Closing):
 class Subscription(Closing):
     """Receives the messages of one type on one topic, in the node's callback thread.
 
-    A payload that is no such message is counted and logged once; a callback that raises is counted and logged.
+    A payload that is no such message, or from which a callback's conversion raises RosError, is counted and logged
+    once. A callback that raises anything else is counted, and logged at the 1st, 2nd, 4th, 8th time and so on.
 
     Attributes:
         topic: absolute name.
         kind: message type.
-        received: messages given to the callback.
-        invalid: payloads that were no message of this type.
-        failed: messages whose callback raised.
+        received: messages that the callback took.
+        invalid: payloads that were no message of this type, or one without sense.
+        failed: messages on which the callback failed.
     """
 
     def __init__(
@@ -177,24 +178,25 @@ class Subscription(Closing):
     def _deliver(self, item: tuple[zenoh.Sample, float, int]) -> None:
         sample, arrival, wall_time = item
         payload = sample.payload.to_bytes()
-        try:
-            message = payload if self._raw else deserialize(payload, self.kind, self._endpoint.distro)
-        except RosError as error:
-            self.invalid += 1
-            if self.invalid == 1:
-                log.warning("%s: %s; such messages are skipped and counted", self.topic, error)
-            return
-        self.received += 1
         note = None if sample.attachment is None else Attachment.unpack(sample.attachment.to_bytes())
         how = Received(arrival, wall_time, len(payload))
         if note is not None:
             how = Received(arrival, wall_time, len(payload), note.time, note.sequence, note.gid)
         try:
+            message = payload if self._raw else deserialize(payload, self.kind, self._endpoint.distro)
             self._callback(message, how)
+        except RosError as error:
+            # Also from conversions: a message without sense is as bad as none.
+            self.invalid += 1
+            if self.invalid == 1:
+                log.warning("%s: %s; such messages are skipped and counted", self.topic, error)
         except Exception:
             # The thread serves all topics of the node: one bad message must not silence the others.
             self.failed += 1
-            log.exception("the callback of %s failed on a message", self.topic)
+            if self.failed & (self.failed - 1) == 0:
+                log.exception("the callback of %s failed, %d times so far", self.topic, self.failed)
+        else:
+            self.received += 1
 
 
 class Latest(Closing):

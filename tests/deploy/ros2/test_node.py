@@ -4,10 +4,18 @@ import time
 import numpy as np
 import pytest
 
-from common.geometry import Scan
+from common.geometry import Pose, Scan
 from deploy.config import RosConfig
 from deploy.ros2 import LATCHED, RELIABLE, SENSOR, STATIC, Node, QoS, RosError, message
-from deploy.ros2.conversions import grid_from, laser_scan, occupancy_grid, twist, velocity_from
+from deploy.ros2.conversions import (
+    grid_from,
+    laser_scan,
+    occupancy_grid,
+    odometry,
+    pose_from,
+    twist,
+    velocity_from,
+)
 from tests.common.bus.processes import eventually, free_port
 from tests.deploy.ros2.network import rmw_router, ros
 
@@ -201,6 +209,16 @@ def test_a_callback_that_fails_silences_nobody(endpoint, caplog):
         chatter = talker.publisher("/chatter", "std_msgs/msg/String")
         assert repeat(chatter, text("hello"), lambda: good.get() and bad.failed >= 2)
         assert any("the callback of /chatter failed" in record.message for record in caplog.records)
+
+
+def test_messages_without_sense_are_logged_once(endpoint, caplog):
+    with Node(ros(endpoint), "base") as base, Node(ros(endpoint), "bridge") as bridge:
+        subscription = bridge.subscribe("/odom", "nav_msgs/msg/Odometry", lambda value, _: pose_from(value))
+        nowhere = odometry(1.0, "odom", "base", Pose(float("nan"), 0.0))
+        odometries = base.publisher("/odom", "nav_msgs/msg/Odometry")
+        assert repeat(odometries, nowhere, lambda: subscription.invalid >= 3)
+        assert subscription.received == subscription.failed == 0
+        assert len([record for record in caplog.records if "finite" in record.message]) == 1
 
 
 def test_a_slow_callback_keeps_the_newest_messages(endpoint):
