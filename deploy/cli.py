@@ -20,8 +20,8 @@ from common.logs import setup_logging
 from deploy.bridge.words import parse
 from deploy.config import DeployConfig, RosConfig
 from deploy.profiles import DEPLOY, load_deploy_config
+from deploy.robot.cli import DEMO_EXAMPLES, demo, robot
 from deploy.robot.cli import EXAMPLES as ROBOT_EXAMPLES
-from deploy.robot.cli import robot
 from deploy.ros2.graph import watch
 from deploy.ros2.session import open_session
 
@@ -51,6 +51,7 @@ RobotName = Annotated[str | None, typer.Option("--name", help="Name of the robot
 LogLevel = Annotated[str | None, typer.Option("--log-level", help="debug, info, warning or error.")]
 
 app.command(epilog=ROBOT_EXAMPLES)(robot)
+app.command(epilog=DEMO_EXAMPLES)(demo)
 
 
 @app.command()

@@ -1,18 +1,23 @@
-"""`hd-deploy robot`: a simulated robot behind the topics of a real one."""
+"""`hd-deploy robot` and `hd-deploy demo`: a simulated robot behind the topics of a real one, alone or with a bridge."""
 
 from __future__ import annotations
 
+import json
 import os
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from pydantic import ValidationError
+from rich.console import Console
 
 from common.cli import command_errors
 from common.errors import ConfigError
 from common.logs import setup_logging
+from common.planners.base import TaskName
 from deploy.config import DeployConfig
 from deploy.profiles import load_deploy_config
 from deploy.robot.options import RobotOptions
@@ -30,6 +35,16 @@ Examples:
   hd-deploy robot --map "generator:forest?seed=7" --speed-factor 3 --range-noise 0.02
 
   hd-deploy robot --connect tcp/10.0.0.5:7447       join the rmw_zenohd router of a ROS 2 system
+"""
+
+DEMO_EXAMPLES = """
+Examples:
+
+  hd-deploy demo                                    a small office, explored by the bridge that drives itself
+
+  hd-deploy demo --task navigation --profile cmu    to a target, on a robot that drives to waypoints itself
+
+  hd-deploy demo --map "generator:forest?width=256&height=192" --planner tare --video forest.gif
 """
 
 
@@ -76,12 +91,8 @@ def robot(
 ) -> None:
     """Simulate a robot under physics behind the ROS 2 topics of a real one. Ctrl-C ends it."""
     setup_logging(log_level)
-    try:
+    with _extras("robot"):
         from deploy.robot.process import run_robot, stopping_signals
-    except ModuleNotFoundError as error:
-        raise ConfigError(
-            f"hd-deploy robot needs {error.name}, which is not installed: pip install 'hdplanner[actor,pybullet,robot]'"
-        ) from error
 
     options = checked_options(
         {
@@ -104,6 +115,67 @@ def robot(
     stop = threading.Event()
     with stopping_signals(stop):
         run_robot(options, resolved, stop, seconds)
+
+
+@command_errors
+def demo(
+    task: Annotated[str, typer.Option(help="exploration or navigation.")] = "exploration",
+    planner: Annotated[
+        str | None, typer.Option(help="Planner. [default: the shipped policy, else greedy or astar]")
+    ] = None,
+    world: Annotated[
+        str, typer.Option("--map", help="PNG map, folder of maps, or generator:NAME[?key=value&...].")
+    ] = DEFAULTS.map,
+    seed: Annotated[int, typer.Option(help="Number of the world in its source, and seed of all noise.")] = 0,
+    profile: Annotated[str, typer.Option(help="Topics and frames: bare, cmu or nav2.")] = "bare",
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter of robot and bridge.")
+    ] = None,
+    speed_factor: Annotated[float, typer.Option(help="Times faster than real time.")] = 1.0,
+    range_noise: Annotated[float, typer.Option(help="Standard deviation of ranges, m.")] = 0.02,
+    limit: Annotated[float, typer.Option(help="End after so many seconds of the robot.")] = 900.0,
+    folder: Annotated[Path, typer.Option(help="Where video, verdict and logs go.")] = Path("runs/demo"),
+    video: Annotated[str, typer.Option(help="Name of the video, .mp4 or .gif; empty for none.")] = "demo.mp4",
+    log_level: Annotated[str | None, typer.Option(help="debug, info, warning or error.")] = None,
+) -> None:
+    """Watch a simulated robot explore: robot and bridge as processes, live in the terminal, a video at the end."""
+    console = Console(stderr=True)
+    setup_logging(log_level, console=console if console.is_terminal else None)
+    with _extras("demo"):
+        from deploy.robot.demo import default_planner, run_demo
+        from deploy.robot.process import stopping_signals
+        from deploy.robot.trial import Trial
+
+    if task not in ("exploration", "navigation"):
+        raise ConfigError(f"--task: expected exploration or navigation, got {task!r}")
+    name: TaskName = "navigation" if task == "navigation" else "exploration"
+    options = checked_options({"map": world, "seed": seed, "speed_factor": speed_factor, "range_noise": range_noise})
+    trial = Trial(
+        name,
+        options=options,
+        planner=planner or default_planner(name),
+        profile=profile,
+        folder=folder,
+        settings=settings or (),
+    )
+    stop = threading.Event()
+    with stopping_signals(stop):
+        verdict = run_demo(trial, folder, limit, stop, console, video or None)
+    typer.echo(json.dumps(verdict.to_json(), indent=2))
+    if not verdict.success and not stop.is_set():
+        raise typer.Exit(1)
+
+
+@contextmanager
+def _extras(command: str) -> Iterator[None]:
+    """Name what is not installed, while importing."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise ConfigError(
+            f"hd-deploy {command} needs {error.name}, which is not installed: "
+            "pip install 'hdplanner[actor,pybullet,robot,plots]'"
+        ) from error
 
 
 def checked_options(values: dict[str, object]) -> RobotOptions:

@@ -57,9 +57,8 @@ class RobotInterface:
         self._config = config
         self._epoch = time.time()
         self._delay = DelayLine(robot.options.sensor_latency)
-        # On the CMU stack the lidar is the robot's frame, and its pose is the lidar's.
-        self._pose_is_lidars = config.frames.base == "sensor"
-        self._lidar_frame = config.frames.base if self._pose_is_lidars else LIDAR_FRAME
+        # What a pose is told of stands this high above the floor: on the CMU stack that is the lidar.
+        self._height = config.sensing.pose_height
         topics = config.topics
         self._clock = self._publisher(CLOCK_TOPIC, "rosgraph_msgs/msg/Clock")
         self._truth = self._publisher(TRUTH_TOPIC, "std_msgs/msg/String")
@@ -70,8 +69,9 @@ class RobotInterface:
         self._tf = self._publisher(topics.tf, "tf2_msgs/msg/TFMessage")
         self._tf_static = self._publisher(topics.tf_static, "tf2_msgs/msg/TFMessage", LATCHED)
         self._listen()
-        if self._tf_static is not None and not self._pose_is_lidars:
-            mount = transform(self._epoch, config.frames.base, LIDAR_FRAME, Pose(0.0, 0.0), robot.lidar_height)
+        if self._tf_static is not None:
+            above = robot.lidar_height - self._height
+            mount = transform(self._epoch, config.frames.base, LIDAR_FRAME, Pose(0.0, 0.0), above)
             self._tf_static.publish(transform_message([mount]))
 
     def publish(self, moment: Moment, speed: float) -> None:
@@ -93,11 +93,11 @@ class RobotInterface:
             _publish(self._odometry, lambda: self._odometry_message(now, moment))
         if moment.scan is not None:
             scan, period = moment.scan, 1.0 / self._robot.options.scan_rate
-            _publish(self._scan, lambda: laser_scan(now, self._lidar_frame, scan, period))
+            _publish(self._scan, lambda: laser_scan(now, LIDAR_FRAME, scan, period))
             _publish(self._truth, lambda: message("std_msgs/msg/String", data=self._truth_text(moment, speed)))
         if moment.cloud is not None:
             cloud = moment.cloud
-            frame = frames.map if self._config.sensing.points_frame == "map" else self._lidar_frame
+            frame = frames.map if self._config.sensing.points_frame == "map" else LIDAR_FRAME
             _publish(self._points, lambda: point_cloud(now, frame, cloud))
         if moment.grid is not None:
             grid = moment.grid
@@ -112,16 +112,15 @@ class RobotInterface:
             frames.base,
             moment.estimate if in_map else moment.odometry,
             moment.velocity,
-            self._robot.lidar_height if self._pose_is_lidars else 0.0,
+            self._height,
         )
 
     def _transforms(self, now: float, moment: Moment) -> Message:
         frames = self._config.frames
-        height = self._robot.lidar_height if self._pose_is_lidars else 0.0
         return transform_message(
             [
                 transform(now, frames.map, frames.odom, Pose(*moment.correction)),
-                transform(now, frames.odom, frames.base, moment.odometry, height),
+                transform(now, frames.odom, frames.base, moment.odometry, self._height),
             ]
         )
 

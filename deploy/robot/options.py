@@ -13,7 +13,7 @@ from deploy.config import DeployConfig, NonNegative
 class RobotOptions(Section):
     """Options of `hd-deploy robot`; topics and frames are those of the bridge's `DeployConfig`."""
 
-    map: str = "generator:rooms?width=192&height=192&seed=3"
+    map: str = "generator:office?width=192&height=192&seed=3"
     """World: a PNG map, a folder of them, or `generator:NAME[?key=value&...]`."""
     metres_per_pixel: Positive = 0.125
     """Scale of PNG maps and of generated ones; their corridors are 32 pixels wide."""

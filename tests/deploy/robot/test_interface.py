@@ -11,6 +11,8 @@ import pytest
 pytest.importorskip("pybullet", reason="PyBullet is not installed")
 
 from common.geometry import Pose
+from deploy.config import DrivingConfig
+from deploy.driving import LocalPlanner
 from deploy.profiles import load_deploy_config
 from deploy.robot.cli import robot_config
 from deploy.robot.interface import TRUTH_TOPIC
@@ -65,10 +67,14 @@ class Running:
         assert not self.thread.is_alive()
 
 
+pytestmark = pytest.mark.timeout(300)
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _compiled():
-    """Compile what worlds are made with, before tests that run against the clock."""
+    """Compile what makes worlds and what follows waypoints, before tests that run against the clock."""
     load_world(RobotOptions(map=WORLD))
+    LocalPlanner(DrivingConfig())
 
 
 @pytest.fixture
@@ -152,7 +158,7 @@ def test_stamped_velocities_are_understood_and_what_is_not_finite_is_refused(run
     robot.until(lambda truth: truth["refused_commands"] == 1, 10.0)
 
 
-def test_cmu_clouds_are_registered_and_the_pose_is_the_lidars(run):
+def test_cmu_clouds_are_registered_and_poses_are_told_at_the_stacks_height(run):
     robot = run("cmu", rays=180)
     clouds = robot.node.latest("/registered_scan", "sensor_msgs/msg/PointCloud2")
     odometry = robot.node.latest("/state_estimation", "nav_msgs/msg/Odometry")
@@ -163,7 +169,7 @@ def test_cmu_clouds_are_registered_and_the_pose_is_the_lidars(run):
     assert points[:, 2].min() == pytest.approx(0.0, abs=0.05)
     told = wait(odometry.get)[0]
     assert told.child_frame_id == "sensor"
-    assert told.pose.pose.position.z == pytest.approx(0.45, abs=0.02)
+    assert told.pose.pose.position.z == pytest.approx(0.75)
 
 
 def test_nav2_map_is_latched_and_transforms_lead_to_the_truth(run):

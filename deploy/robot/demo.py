@@ -1,0 +1,81 @@
+"""`hd-deploy demo`: a robot explores before your eyes, and leaves a video."""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+
+from actors.evaluation.video import write_frames
+from common.planners.base import TaskName
+from common.shipped import shipped_tasks
+from deploy.robot.film import Shot, frames
+from deploy.robot.terminal import live_view
+from deploy.robot.trial import Trial, Verdict
+
+log = logging.getLogger(__name__)
+
+_PLAIN_SECONDS = 10.0
+_DEFAULT_PLANNERS: dict[TaskName, str] = {"exploration": "greedy", "navigation": "astar"}
+
+
+def run_demo(
+    trial: Trial, folder: Path, limit: float, stop: threading.Event, console: Console, video: str | None
+) -> Verdict:
+    """Run a trial with a live view, and write its video and its verdict.
+
+    Args:
+        trial: prepared.
+        folder: where ``video`` and ``verdict.json`` go.
+        limit: seconds of the robot.
+        stop: ends it early.
+        console: where the live view is shown; a line every ten seconds where it is no terminal.
+        video: file name that ends in .mp4 or .gif; None for none.
+    """
+    with Live(console=console, refresh_per_second=4, transient=False, auto_refresh=False) as live:
+        next_line = 0.0
+
+        def tell(shot: Shot, truth: dict[str, Any], status: dict[str, Any]) -> None:
+            nonlocal next_line
+            if not console.is_terminal:
+                if shot.time >= next_line:
+                    next_line = shot.time + _PLAIN_SECONDS
+                    log.info("%s: %s", shot.words, status["reason"])
+                return
+            way = [earlier.pose.position for earlier in trial.shots]
+            waypoint = shot.path[0] if shot.path else None
+            columns = min(console.width, 2 * max(console.height - 14, 10))
+            live.update(live_view(shot.belief, shot.pose, way, waypoint, _lines(trial, truth, status), columns))
+            live.refresh()
+
+        try:
+            verdict = trial.run(limit, stop, tell)
+        finally:
+            if video is not None and trial.shots:
+                path = folder / video
+                count = write_frames(frames(trial.shots, trial.world, trial.target), path)
+                log.info("%d pictures are in %s", count, path)
+    (folder / "verdict.json").write_text(json.dumps(verdict.to_json(), indent=2) + "\n", "utf-8")
+    return verdict
+
+
+def default_planner(task: TaskName) -> str:
+    """Return the trained policy where one is shipped for the task, else a classical planner."""
+    return "hdplanner" if task in shipped_tasks() else _DEFAULT_PLANNERS[task]
+
+
+def _lines(trial: Trial, truth: dict[str, Any], status: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "state": f"{status['state']}: {status['reason']}",
+        "planner": f"{status['planner']}, p95 of decisions {1e3 * status['decision_p95']:.0f} ms",
+        "explored": f"{trial.explored:.1%} of what can be reached, {status['explored_area']:.0f} m2",
+        "graph": f"{status['viewpoints']} viewpoints, {status['frontiers']} frontiers, {status['beacons']} beacons",
+        "robot": f"{truth['distance']:.1f} m in {truth['time']:.0f} s, now {truth['speed']:.2f} m/s, "
+        f"{truth['collisions']} collisions, {truth['real_time_factor']:.2f} times real time",
+        "watchdog": status["gate"],
+    }

@@ -1,0 +1,124 @@
+"""A recorded deployment as pictures: what the bridge knows, where the robot is and where it goes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from PIL import Image, ImageDraw
+
+from actors.evaluation.pixels import to_pixels
+from actors.evaluation.plots import belief_picture
+from actors.maps.grid_map import GridMap
+from common.geometry import Pose
+from common.mapping.belief import Belief
+from common.planners.base import Position
+from deploy.robot.simulation import Grid
+
+STRIP = 22
+HOLD_LAST = 15
+_ROUTE, _PLAN, _BEACON, _ROBOT, _TEXT = (53, 102, 184), (224, 123, 0), (179, 38, 30), (20, 120, 60), (30, 30, 30)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shot:
+    """One moment of a deployment.
+
+    Attributes:
+        time: seconds of the robot.
+        pose: true pose.
+        belief: what the bridge knows; None before its first map.
+        path: waypoint and route beyond it, metres.
+        beacon: chosen beacon, metres.
+        words: what to write above.
+    """
+
+    time: float
+    pose: Pose
+    belief: Grid | None
+    path: tuple[Position, ...]
+    beacon: Position | None
+    words: str
+
+
+def frames(
+    shots: Sequence[Shot], world: GridMap, target: Position | None = None, width: int = 640
+) -> Iterator[Image.Image]:
+    """Draw every shot over the true walls, the last one long enough to look at it.
+
+    Args:
+        shots: oldest first.
+        world: true map, for its outline.
+        target: navigation target, metres.
+        width: pixels.
+    """
+    camera = _Camera(world, target, width)
+    picture: Image.Image | None = None
+    for number, shot in enumerate(shots):
+        picture = camera.draw(shot, [earlier.pose.position for earlier in shots[: number + 1]])
+        yield picture
+    for _ in range(HOLD_LAST if picture is not None else 0):
+        assert picture is not None
+        yield picture
+
+
+class _Camera:
+    """Draws shots of one world."""
+
+    def __init__(self, world: GridMap, target: Position | None, width: int) -> None:
+        rows, columns = world.free.shape
+        self._world = world
+        self._target = target
+        self._scale = width / columns
+        # Video codecs want even sides.
+        self._size = width // 2 * 2, round(rows * self._scale) // 2 * 2
+        self._drawn: Grid | None = None
+        self._background: Image.Image | None = None
+
+    def draw(self, shot: Shot, way: list[Position]) -> Image.Image:
+        if self._background is None or shot.belief is not self._drawn:
+            self._drawn, self._background = shot.belief, self._ground(shot.belief)
+        picture = Image.new("RGB", (self._size[0], self._size[1] + STRIP), (255, 255, 255))
+        picture.paste(self._background, (0, STRIP))
+        pen = ImageDraw.Draw(picture)
+        pen.text((6, 5), shot.words, fill=_TEXT)
+        points = [self._at(position) for position in way]
+        if len(points) > 1:
+            pen.line(points, fill=_ROUTE, width=2)
+        here = self._at(shot.pose.position)
+        if shot.path:
+            pen.line([here, *map(self._at, shot.path)], fill=_PLAN, width=1)
+            x, y = self._at(shot.path[0])
+            pen.ellipse((x - 3, y - 3, x + 3, y + 3), fill=_PLAN)
+        if shot.beacon is not None:
+            x, y = self._at(shot.beacon)
+            pen.polygon([(x, y - 6), (x - 5, y + 4), (x + 5, y + 4)], fill=_BEACON)
+        if self._target is not None:
+            x, y = self._at(self._target)
+            pen.ellipse((x - 6, y - 6, x + 6, y + 6), outline=_BEACON, width=3)
+        x, y = here
+        pen.ellipse((x - 6, y - 6, x + 6, y + 6), fill=_ROBOT, outline=(255, 255, 255))
+        nose = (x + 9 * math.cos(shot.pose.yaw), y - 9 * math.sin(shot.pose.yaw))
+        pen.line([here, nose], fill=(255, 255, 255), width=2)
+        return picture
+
+    def _ground(self, grid: Grid | None) -> Image.Image:
+        world = self._world
+        resolution = world.resolution if grid is None else grid.resolution
+        corner = world.origin if grid is None else grid.origin
+        # The picture needs a belief of all the world, in steps of the cells that the bridge has.
+        low = [
+            at - resolution * math.ceil((at - edge) / resolution) for at, edge in zip(corner, world.origin, strict=True)
+        ]
+        high = [edge + size for edge, size in zip(world.origin, world.size, strict=True)]
+        belief = Belief(resolution, 1.0, bounds=(low[0], low[1], high[0], high[1]))
+        if grid is not None:
+            belief.assign(grid.cells, grid.origin)
+        cells = belief_picture(belief, world)
+        how = Image.Resampling.BOX if self._scale < 1.0 else Image.Resampling.NEAREST
+        return Image.fromarray(cells).resize(self._size, how)
+
+    def _at(self, position: Position) -> Position:
+        column, row = to_pixels(self._world, position)
+        return (column + 0.5) * self._scale, (row + 0.5) * self._scale + STRIP
