@@ -21,7 +21,7 @@ from deploy.bridge.driver import Driver
 from deploy.bridge.inputs import Inputs
 from deploy.bridge.live import LivePolicy
 from deploy.bridge.metrics import Metrics
-from deploy.bridge.mission import Mission
+from deploy.bridge.mission import Mission, Phase
 from deploy.bridge.outcome import Outcome
 from deploy.bridge.outputs import Outputs
 from deploy.bridge.problems import LastProblem
@@ -41,6 +41,8 @@ log = logging.getLogger(__name__)
 _PASSES: Final = 10.0
 # A thread gives way to another this soon, seconds: the driver must not wait for a planner's arithmetic.
 _SWITCH_INTERVAL: Final = 0.001
+# Phases in which nothing is asked of the robot; paused and aborted it has to stand.
+_FREE: Final = frozenset({Phase.IDLE, Phase.FINISHED, Phase.FAILED})
 
 
 class Bridge(Closing):
@@ -140,7 +142,8 @@ class Bridge(Closing):
         if outcome.course is not None and not outcome.hold:
             self._driver.follow(outcome.course.route)
         else:
-            self._driver.stand(outcome.hold or outcome.orders.reason)
+            orders = outcome.orders
+            self._driver.stand(outcome.hold or orders.reason, free=orders.phase in _FREE)
         self._follow_orders(outcome)
         self._metrics.moved(now, self._inputs.travelled, under_way=outcome.orders.moving)
         if outcome.decided:

@@ -43,11 +43,13 @@ class Wish:
         route: positions to drive along, metres; empty to stand.
         hold: why the robot stands.
         made: when, by `time.monotonic`.
+        free: nothing is asked of the robot, so that a stack of its own may drive it wherever others want.
     """
 
     route: tuple[Position, ...]
     hold: str
     made: float
+    free: bool = False
 
 
 class Driver(Closing):
@@ -105,9 +107,14 @@ class Driver(Closing):
         """Drive along a route; to be said again at every pass of the decision loop."""
         self._wish = Wish(route, "", time.monotonic())
 
-    def stand(self, reason: str) -> None:
-        """Stand; to be said again at every pass of the decision loop."""
-        self._wish = Wish((), reason, time.monotonic())
+    def stand(self, reason: str, *, free: bool = False) -> None:
+        """Stand; to be said again at every pass of the decision loop.
+
+        Args:
+            reason: why, for the operator.
+            free: nothing is asked of the robot: one whose own stack drives is left to others.
+        """
+        self._wish = Wish((), reason, time.monotonic(), free)
 
     def close(self) -> None:
         """Stand and end the thread."""
@@ -133,7 +140,10 @@ class Driver(Closing):
         now = time.monotonic()
         wish = self._wish
         if now - wish.made > self._patience:
-            self._gate.hold(f"the decision loop was silent for {now - wish.made:.1f} s")
+            self._gate.hold(f"the decision loop has been silent for more than {self._patience:g} s")
+            return
+        if wish.free and self._planner is None:
+            self._gate.resume()
             return
         if not (wish.route and self._may_move()):
             self._route = ()

@@ -7,7 +7,7 @@ from typing import Any
 
 from common.planners.base import Position
 from deploy.bridge.outcome import Outcome
-from deploy.safety import GateState
+from deploy.safety import GateMode, GateState
 
 VERSION = 1
 
@@ -132,7 +132,8 @@ def state_of(outcome: Outcome, gate: GateState) -> tuple[str, str]:
         return orders.phase.value, orders.reason
     if outcome.hold:
         return "holding", outcome.hold
-    if not gate.clear:
+    # A gate that is merely held is held by this bridge, which says itself why.
+    if not gate.clear and not (gate.alive and gate.mode is GateMode.HELD):
         return "holding", gate.reason
     return orders.phase.value, orders.reason
 
