@@ -5,29 +5,23 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from common.config.schema import MappingConfig
 from common.errors import ConfigError
 from common.geometry import Pose
+from common.jit import njit
 from common.mapping.mapper import Mapper
-from common.planners.base import Plan, Position, Status, TaskName
-from common.planners.lattice import LONGEST_EDGE, check_task
+from common.planners.base import Plan, Position, Status
 from common.planners.roadmap import Roadmap, trace
-from common.planners.rrt import Tree, free_box
-from common.planners.visibility import unknown_in_sight
+from common.planners.rrt import Tree
+from common.planners.sampling import Corner, SamplingPlanner
 
-# Least distance between places of the roadmaps, spacings.
-LOCAL_SPREAD: Final = 0.5
+# Least distance between places of the global roadmap, spacings.
 GLOBAL_SPREAD: Final = 0.75
-# A new place next to the robot sees nothing that the robot does not see, spacings.
-BLIND: Final = 0.5
 # Share of the samples that are drawn around the frontiers ahead, and how many of those there are.
 FRONTIER_SHARE: Final = 0.25
 FRONTIERS_AHEAD: Final = 3
-# Places are extended by at most this much less than the longest waypoint, so that rounding cannot make one too far.
-MARGIN: Final = 1.0 - 1e-5
 
 
 @njit(cache=True, nogil=True)
@@ -49,7 +43,7 @@ def _detour(way: NDArray[np.float64], direction: NDArray[np.float64]) -> float:
     return cost[count, count] / count
 
 
-class DsvpPlanner:
+class DsvpPlanner(SamplingPlanner):
     """Explore with a random roadmap inside a local horizon; relocate over a global roadmap when it finds nothing.
 
     H. Zhu, C. Cao, Y. Xia, S. Scherer, J. Zhang, W. Wang: "DSVP: Dual-Stage Viewpoint Planner for Rapid Exploration by
@@ -70,7 +64,6 @@ class DsvpPlanner:
     """
 
     name = "dsvp"
-    tasks: frozenset[TaskName] = frozenset({"exploration"})
 
     def __init__(
         self,
@@ -102,27 +95,17 @@ class DsvpPlanner:
                 "planner 'dsvp' expects horizon > 0, samples >= 1, nodes >= 2, decay, turning and min_gain >= 0, got "
                 f"{horizon}, {samples}, {nodes}, {decay}, {turning} and {min_gain}"
             )
-        self._config = config
         self._horizon = horizon
         self._samples = samples
         self._nodes = nodes
         self._decay = decay
         self._turning = turning
-        self._min_gain = min_gain
-        self._reach = LONGEST_EDGE * config.viewpoint_spacing * MARGIN
-        self.reset("exploration", None, 0)
+        super().__init__(config, min_gain)
 
-    def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
-        """Begin an episode: forget everything; equal seeds give equal episodes.
-
-        Raises:
-            ConfigError: the task is not exploration.
-        """
-        check_task(self.name, self.tasks, task)
-        del target
-        self._random = np.random.default_rng(seed)
-        self._local = Roadmap(self._reach)
-        self._global = Roadmap(self._reach)
+    def begin(self) -> None:
+        """Forget both roadmaps and the direction."""
+        self._local = Roadmap(self.reach)
+        self._global = Roadmap(self.reach)
         self._direction: NDArray[np.float64] | None = None
         self._relocating = False
 
@@ -131,38 +114,35 @@ class DsvpPlanner:
         """Whether the last decision was one of the relocation stage."""
         return self._relocating
 
-    def plan(self, mapper: Mapper, pose: Pose) -> Plan:
-        """Decide; the mapper has taken in the newest scan and was updated at this pose."""
-        box = free_box(mapper.belief)
-        if box is None or not mapper.segment_free(pose.position, pose.position):
-            return Plan(Status.STUCK, reason="the robot does not stand in a cell that is known to be free")
-        self._grow(mapper, pose, *box)
+    def decide(self, mapper: Mapper, pose: Pose, low: Corner, high: Corner) -> Plan:
+        """Explore inside the horizon; relocate when nothing is left there."""
+        self._grow(mapper, pose, low, high)
         plan = self._explore(mapper)
         self._relocating = plan is None
-        return plan if plan is not None else self._relocate(mapper, pose, *box)
+        return plan if plan is not None else self._relocate(mapper, pose, low, high)
 
-    def _grow(self, mapper: Mapper, pose: Pose, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
+    def _grow(self, mapper: Mapper, pose: Pose, low: Corner, high: Corner) -> None:
         """Prune the local roadmap to the horizon around the robot and extend it; the robot is its place 0."""
-        belief, spacing = mapper.belief, self._config.viewpoint_spacing
+        belief = mapper.belief
         here = np.array(pose.position)
         rest = self._local.points
         rest = rest[(np.abs(rest - here) <= self._horizon).all(axis=1)]
-        rest = rest[np.hypot(*(rest - here).T) >= LOCAL_SPREAD * spacing]
-        self._local = Roadmap(self._reach)
+        rest = rest[np.hypot(*(rest - here).T) >= self.spread]
+        self._local = Roadmap(self.reach)
         self._local.add(belief, np.vstack([here, rest]))
         self._local.keep(np.flatnonzero(np.isfinite(self._local.shortest(0)[0])))
         low, high = np.maximum(low, here - self._horizon), np.minimum(high, here + self._horizon)
-        samples = low + self._random.random((self._samples, 2)) * (high - low)
+        samples = self.samples(self._samples, low, high)
         ahead = self._frontiers_ahead(mapper, here)
         if len(ahead):
-            biased = self._random.random(self._samples) < FRONTIER_SHARE
-            around = ahead[self._random.integers(len(ahead), size=self._samples)]
-            around = around + self._random.uniform(-1.0, 1.0, (self._samples, 2)) * self._config.sensor_range / 2
+            biased = self.random.random(self._samples) < FRONTIER_SHARE
+            around = ahead[self.random.integers(len(ahead), size=self._samples)]
+            around = around + self.random.uniform(-1.0, 1.0, (self._samples, 2)) * self.config.sensor_range / 2
             samples[biased] = np.clip(around, low, high)[biased]
         tree = Tree(pose.position)
         tree.graft(self._local.points[1:])
         first = len(tree.points)
-        tree.extend(belief, samples, capacity=self._nodes, step=self._reach, spread=LOCAL_SPREAD * spacing)
+        tree.extend(belief, samples, capacity=self._nodes, step=self.reach, spread=self.spread)
         self._local.add(belief, tree.points[first:])
 
     def _frontiers_ahead(self, mapper: Mapper, here: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -176,22 +156,16 @@ class DsvpPlanner:
         cosine = away @ self._direction / np.maximum(np.hypot(*away.T), 1e-9)
         return frontiers[np.argsort(-cosine, kind="stable")[:FRONTIERS_AHEAD]]
 
-    def _gains(self, mapper: Mapper, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        areas = unknown_in_sight(mapper, points, self._config.sensor_range)
-        areas[areas < self._min_gain] = 0.0
-        return areas
-
     def _explore(self, mapper: Mapper) -> Plan | None:
         """Return the first edge of the best branch of the local roadmap; None when nothing gains."""
         roadmap = self._local
         here = roadmap.points[0]
         distances, before = roadmap.shortest(0)
-        gains = self._gains(mapper, roadmap.points) * np.exp(-self._decay * distances)
-        gains[np.hypot(*(roadmap.points - here).T) < BLIND * self._config.viewpoint_spacing] = 0.0
+        gains = self.gains(mapper, roadmap.points) * np.exp(-self._decay * distances)
         useful = np.flatnonzero(gains > 0.0)
         ways = {int(node): trace(before, int(node)) for node in useful}
         known = [0, *dict.fromkeys(k for way in ways.values() for k in way[1:])]
-        self._global.add_sparsely(mapper.belief, roadmap.points[known], GLOBAL_SPREAD * self._config.viewpoint_spacing)
+        self._global.add_sparsely(mapper.belief, roadmap.points[known], GLOBAL_SPREAD * self.config.viewpoint_spacing)
         best, most = -1, 0.0
         for node, way in ways.items():
             worth = float(gains[way].sum())
@@ -205,9 +179,9 @@ class DsvpPlanner:
         self._set_direction(here, route[-1])
         return Plan(Status.GOING, waypoint=route[0], beacon=route[-1], path=route[1:])
 
-    def _relocate(self, mapper: Mapper, pose: Pose, low: NDArray[np.float64], high: NDArray[np.float64]) -> Plan:
+    def _relocate(self, mapper: Mapper, pose: Pose, low: Corner, high: Corner) -> Plan:
         """Return the first edge towards the nearest place of the global roadmap that sees the unknown."""
-        belief, spacing = mapper.belief, self._config.viewpoint_spacing
+        belief = mapper.belief
         here = np.array(pose.position)
         self._global.recheck(belief)
         for extended in (False, True):
@@ -215,17 +189,16 @@ class DsvpPlanner:
                 tree = Tree(pose.position)
                 tree.graft(self._global.points)
                 first = len(tree.points)
-                samples = low + self._random.random((10 * self._samples, 2)) * (high - low)
+                samples = self.samples(10 * self._samples, low, high)
                 capacity = first + 2 * self._nodes
-                tree.extend(belief, samples, capacity=capacity, step=self._reach, spread=LOCAL_SPREAD * spacing)
+                tree.extend(belief, samples, capacity=capacity, step=self.reach, spread=self.spread)
                 self._global.add(belief, tree.points[first:])
-            roadmap = Roadmap(self._reach)
+            roadmap = Roadmap(self.reach)
             roadmap.points, roadmap.lengths = self._global.points, self._global.lengths
             roadmap.add(belief, here[None])
             robot = len(roadmap) - 1
             distances, before = roadmap.shortest(robot)
-            sees = self._gains(mapper, roadmap.points) > 0.0
-            sees &= np.isfinite(distances) & (distances >= BLIND * spacing)
+            sees = (self.gains(mapper, roadmap.points) > 0.0) & np.isfinite(distances)
             if sees.any():
                 goal = int(np.argmin(np.where(sees, distances, np.inf)))
                 route = [(float(x), float(y)) for x, y in roadmap.points[trace(before, goal)[1:]]]
@@ -233,7 +206,7 @@ class DsvpPlanner:
                 return Plan(Status.GOING, waypoint=route[0], beacon=route[-1], path=route[1:])
         if len(self._global) < 2 and len(self._local) < 2:
             return Plan(Status.STUCK, reason="no free way leads out of the robot's place")
-        return Plan(Status.COMPLETE, reason=f"no place of {len(roadmap)} sees {self._min_gain:g} m2 of unknown area")
+        return Plan(Status.COMPLETE, reason=f"no place of {len(roadmap)} sees {self.min_gain:g} m2 of unknown area")
 
     def _set_direction(self, here: NDArray[np.float64], to: Position) -> None:
         away = np.array(to) - here

@@ -99,7 +99,7 @@ class LatticePlanner(ABC):
         useful = utility > 0
         candidates = np.flatnonzero(useful & ~self.scanned.mask(positions))
         if not len(candidates):
-            return Plan(Status.COMPLETE, reason=_nothing_left(int(np.count_nonzero(useful))))
+            return Plan(Status.COMPLETE, reason=nothing_left(int(np.count_nonzero(useful))))
         stops = self.choose(mapper, pose, candidates, positions)
         if not stops:
             return Plan(Status.COMPLETE, reason="no viewpoint that still observes frontiers leads anywhere new")
@@ -151,7 +151,8 @@ def lead_to(mapper: Mapper, pose: Pose, stops: list[int], spacing: float) -> Pla
     return Plan(Status.GOING, waypoint=places[0], beacon=mapper.position(stops[0]), path=places[1:])
 
 
-def _nothing_left(useful: int) -> str:
+def nothing_left(useful: int) -> str:
+    """Say why no viewpoint is worth going to; so many still observe frontiers."""
     if not useful:
         return "no reachable viewpoint observes a frontier"
     return f"the {useful} viewpoints that still observe frontiers were all scanned from: nothing more can be seen there"

@@ -10,20 +10,16 @@ from common.config.schema import MappingConfig
 from common.errors import ConfigError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
-from common.planners.base import Plan, Position, Status, TaskName
-from common.planners.lattice import LONGEST_EDGE, TOLERANCE, check_task
-from common.planners.rrt import Tree, free_box
-from common.planners.visibility import unknown_in_sight
+from common.planners.base import Plan, Position, Status
+from common.planners.lattice import LONGEST_EDGE, TOLERANCE
+from common.planners.rrt import Tree
+from common.planners.sampling import Corner, SamplingPlanner
 
-# Least distance between nodes of the tree, spacings: nodes on top of each other see the same.
-SPREAD: Final = 0.5
-# Edges are this much shorter than the longest waypoint, so that rounding cannot make one too far.
-MARGIN: Final = 1.0 - 1e-5
 # Samples that are drawn at once.
 BATCH: Final = 500
 
 
-class NbvpPlanner:
+class NbvpPlanner(SamplingPlanner):
     """Grow a random tree in known free space and execute the first edge of its best branch.
 
     A. Bircher, M. Kamel, K. Alexis, H. Oleynikova, R. Siegwart: "Receding Horizon 'Next-Best-View' Planner for 3D
@@ -40,7 +36,6 @@ class NbvpPlanner:
     """
 
     name = "nbvp"
-    tasks: frozenset[TaskName] = frozenset({"exploration"})
 
     def __init__(
         self,
@@ -68,52 +63,37 @@ class NbvpPlanner:
                 f"planner 'nbvp' expects 2 <= nodes <= most_nodes, decay >= 0 and min_gain >= 0, got nodes {nodes}, "
                 f"most_nodes {most_nodes}, decay {decay}, min_gain {min_gain}"
             )
-        self._config = config
         self._nodes = nodes
         self._most_nodes = most_nodes
         self._decay = decay
-        self._min_gain = min_gain
-        self.reset("exploration", None, 0)
+        super().__init__(config, min_gain)
 
-    def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
-        """Begin an episode: forget everything; equal seeds give equal episodes.
-
-        Raises:
-            ConfigError: the task is not exploration.
-        """
-        check_task(self.name, self.tasks, task)
-        del target
-        self._random = np.random.default_rng(seed)
+    def begin(self) -> None:
+        """Forget the last best branch."""
         self._branch: list[Position] = []
 
-    def plan(self, mapper: Mapper, pose: Pose) -> Plan:
-        """Decide; the mapper has taken in the newest scan and was updated at this pose."""
-        box = free_box(mapper.belief)
-        if box is None or not mapper.segment_free(pose.position, pose.position):
-            return Plan(Status.STUCK, reason="the robot does not stand in a cell that is known to be free")
+    def decide(self, mapper: Mapper, pose: Pose, low: Corner, high: Corner) -> Plan:
+        """Go the first edge of the best branch."""
         tree = self._replant(mapper, pose)
-        spacing = self._config.viewpoint_spacing
         gains = np.zeros(1)
         # A wall of unlucky samples must end, too.
         for _ in range(2 * self._most_nodes // BATCH + 2):
             capacity = self._nodes if len(tree.points) < self._nodes else self._most_nodes
-            samples = box[0] + self._random.random((BATCH, 2)) * (box[1] - box[0])
-            tree.extend(
-                mapper.belief, samples, capacity=capacity, step=MARGIN * LONGEST_EDGE * spacing, spread=SPREAD * spacing
-            )
+            samples = self.samples(BATCH, low, high)
+            tree.extend(mapper.belief, samples, capacity=capacity, step=self.reach, spread=self.spread)
             if len(tree.points) < capacity and capacity == self._nodes:
                 continue
-            gains = self._gains(mapper, tree, gains)
+            gains = self._branch_gains(mapper, tree, gains)
             if gains.max() > 0.0 or len(tree.points) >= self._most_nodes:
                 break
-        gains = self._gains(mapper, tree, gains)
+        gains = self._branch_gains(mapper, tree, gains)
         if len(tree.points) == 1:
             return Plan(Status.STUCK, reason="no free way leads out of the robot's place")
         best = int(np.argmax(gains))
         if gains[best] <= 0.0:
             self._branch = []
             return Plan(
-                Status.COMPLETE, reason=f"no node of {len(tree.points)} sees {self._min_gain:g} m2 of unknown area"
+                Status.COMPLETE, reason=f"no node of {len(tree.points)} sees {self.min_gain:g} m2 of unknown area"
             )
         self._branch = [(float(x), float(y)) for x, y in tree.points[tree.branch(best)]]
         return Plan(Status.GOING, waypoint=self._branch[0], beacon=self._branch[-1], path=self._branch[1:])
@@ -122,9 +102,9 @@ class NbvpPlanner:
         """Return a tree at the robot's place with what is left of the last best branch."""
         tree = Tree(pose.position)
         rest = self._branch
-        if rest and pose.distance_to(rest[0]) <= TOLERANCE + SPREAD * self._config.viewpoint_spacing:
+        if rest and pose.distance_to(rest[0]) <= TOLERANCE + self.spread:
             rest = rest[1:]
-        reach = LONGEST_EDGE * self._config.viewpoint_spacing + TOLERANCE
+        reach = LONGEST_EDGE * self.config.viewpoint_spacing + TOLERANCE
         node = 0
         for point in rest:
             last = (float(tree.points[node][0]), float(tree.points[node][1]))
@@ -133,14 +113,12 @@ class NbvpPlanner:
             node = tree.append(point, node)
         return tree
 
-    def _gains(self, mapper: Mapper, tree: Tree, known: np.ndarray) -> np.ndarray:
+    def _branch_gains(self, mapper: Mapper, tree: Tree, known: np.ndarray) -> np.ndarray:
         """Return the gain of each node's branch; those of the first nodes are known, the root's is 0."""
         first = len(known)
         if first == len(tree.points):
             return known
-        areas = unknown_in_sight(mapper, tree.points[first:], self._config.sensor_range)
-        areas[areas < self._min_gain] = 0.0
-        worth = areas * np.exp(-self._decay * tree.depths[first:])
+        worth = self.gains(mapper, tree.points[first:]) * np.exp(-self._decay * tree.depths[first:])
         gains = np.append(known, worth)
         for node in range(first, len(gains)):
             gains[node] += gains[tree.parents[node]]

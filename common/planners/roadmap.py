@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.jit import njit
 from common.mapping.belief import Belief
 from common.mapping.raycast import SUBCELLS
 from common.mapping.sight import CLEAR, blocker

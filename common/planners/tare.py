@@ -52,7 +52,7 @@ class TarePlanner(LatticePlanner):
         cover_range: float | None = None,
         samples: int = 4,
         choices: int = 3,
-        min_gain: int = 10,
+        min_frontier: float = 5.0,
     ) -> None:
         """Set up.
 
@@ -64,7 +64,7 @@ class TarePlanner(LatticePlanner):
                 frontier at the very end of the range would tell nothing new from there.
             samples: sets of viewpoints that are sampled for each decision; the shortest tour wins.
             choices: each viewpoint of a set is one of so many best.
-            min_gain: frontier cells that a viewpoint or a subspace must add, until nothing else is left.
+            min_frontier: metres of frontier that a viewpoint or a subspace must add, until nothing else is left.
 
         Raises:
             ConfigError: a setting is out of range, or OR-Tools is not installed.
@@ -74,11 +74,12 @@ class TarePlanner(LatticePlanner):
         self._cover_range = 0.8 * config.sensor_range if cover_range is None else cover_range
         self._samples = samples
         self._choices = choices
-        self._min_gain = min_gain
-        for setting, value in (("subspace", subspace), ("cover_range", self._cover_range)):
+        self._least = max(round(min_frontier / config.resolution), 1)
+        lengths = {"subspace": subspace, "cover_range": self._cover_range, "min_frontier": min_frontier}
+        for setting, value in lengths.items():
             if not value > 0.0:
                 raise ConfigError(f"planner 'tare': {setting} must be above 0 m, got {value}")
-        for setting, number in (("samples", samples), ("choices", choices), ("min_gain", min_gain)):
+        for setting, number in (("samples", samples), ("choices", choices)):
             if number < 1:
                 raise ConfigError(f"planner 'tare': {setting} must be at least 1, got {number}")
         load_ortools()
@@ -91,7 +92,7 @@ class TarePlanner(LatticePlanner):
         del pose
         frontiers = mapper.frontiers
         reach = self.config.observable_range
-        for least, cover_range in ((self._min_gain, self._cover_range), (1, self._cover_range), (1, reach)):
+        for least, cover_range in ((self._least, self._cover_range), (1, self._cover_range), (1, reach)):
             seen = observed(mapper.belief, positions[candidates], frontiers, min(cover_range, reach))
             tour = self._tour(mapper, candidates, positions, seen, least)
             if tour:

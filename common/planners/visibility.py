@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.jit import njit
 from common.mapping.belief import Belief
 from common.mapping.mapper import Mapper
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS

@@ -2,34 +2,40 @@
 
 from __future__ import annotations
 
-import time
+import dataclasses
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
 from actors.simulators.grid import GridSimulator
+from actors.tasks import make_task
 from actors.tasks.coverage import Coverage
 from common.config.schema import MappingConfig, SimulatorConfig, TaskConfig
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Planner, Status
 
 LIMIT = 5.0**0.5
+BLOCK = 8
+RESOLUTION = 0.5
 
 
 @dataclass
 class Episode:
-    """What came of it."""
+    """What came of it.
 
-    status: Status
-    reason: str
-    complete: bool
-    distance: float
+    `status` and `reason` are the planner's last words; `complete` is what the task says of them.
+    """
+
     waypoints: list[tuple[float, float]]
-    explored: float
+    status: Status = Status.GOING
+    reason: str = "step limit"
+    complete: bool = False
+    distance: float = 0.0
+    explored: float = 0.0
     plans: list[Plan] = field(default_factory=list)
-    decision_ms: list[float] = field(default_factory=list)
 
     @property
     def steps(self) -> int:
@@ -37,43 +43,61 @@ class Episode:
 
 
 def explore(
+    planner: Planner, world: GridMap, config: MappingConfig, *, unseen_area: float | None = None, **options: Any
+) -> Episode:
+    """Drive until all but some square metres of a world are seen; see `drive`."""
+    task = TaskConfig(name="exploration")
+    if unseen_area is not None:
+        # Less than nothing is never enough: the planner itself has to end the episode.
+        task = task.model_copy(update={"unseen_area": unseen_area})
+    return drive(planner, world, config, task, **options)
+
+
+def navigate(planner: Planner, world: GridMap, config: MappingConfig, **options: Any) -> Episode:
+    """Drive to the target of a world; see `drive`."""
+    return drive(planner, world, config, TaskConfig(name="navigation"), **options)
+
+
+def drive(
     planner: Planner,
     world: GridMap,
     config: MappingConfig,
+    task: TaskConfig,
     *,
     seed: int = 0,
     max_steps: int = 128,
-    unseen_area: float | None = None,
     rays: int = 720,
+    bounded: bool = True,
 ) -> Episode:
-    """Drive until the world is seen, the planner ends or the steps are used up; every waypoint is checked."""
+    """Drive until the task is complete, the planner ends or the steps are used up; every waypoint is checked.
+
+    Unless it is `bounded`, the belief starts as a grid without cells and grows.
+    """
     simulator = GridSimulator(SimulatorConfig(name="grid", rays=rays), config.sensor_range)
     pose = simulator.reset(world, seed)
     bounds = (*world.origin, world.origin[0] + world.size[0], world.origin[1] + world.size[1])
-    mapper = Mapper(config, lattice_origin=world.lattice_origin, bounds=bounds)
-    coverage = Coverage(world)
-    enough = TaskConfig().unseen_area if unseen_area is None else unseen_area
-    planner.reset("exploration", None, seed)
-    episode = Episode(Status.GOING, "step limit", False, 0.0, [pose.position], 0.0)
+    judge, coverage = make_task(task), Coverage(world)
+    judge.reset(world)
+    mapper = Mapper(
+        config, lattice_origin=world.lattice_origin, bounds=bounds if bounded else None, target=judge.target
+    )
+    planner.reset(task.name, judge.target, seed)
+    episode = Episode([pose.position])
     for step in range(max_steps + 1):
-        scan = simulator.scan()
-        started = time.thread_time()
-        mapper.integrate(scan, pose)
+        mapper.integrate(simulator.scan(), pose)
         mapper.update(pose)
-        updated = time.thread_time()
         coverage.update(mapper.belief.cells, mapper.belief.resolution, mapper.belief.origin)
         episode.explored = coverage.explored
-        if coverage.unseen_area <= enough:
+        if judge.complete(coverage, pose):
             episode.complete, episode.reason = True, "complete"
             break
         if step == max_steps:
             break
-        resumed = time.thread_time()
         plan = planner.plan(mapper, pose)
-        episode.decision_ms.append((updated - started + time.thread_time() - resumed) * 1e3)
         episode.plans.append(plan)
         episode.status = plan.status
         if plan.status is not Status.GOING:
+            assert plan.waypoint is None
             episode.reason = plan.reason
             break
         assert plan.waypoint is not None
@@ -89,11 +113,20 @@ def explore(
     return episode
 
 
-def drawn(rows: list[str], resolution: float = 0.5, block: int = 8) -> GridMap:
-    """Return a world drawn in characters of 4 m: `#` wall, `.` free, `S` start; the top row first."""
-    grid = np.array([list(row) for row in rows])[::-1]
-    free: NDArray[np.bool_] = np.kron(grid != "#", np.ones((block, block), dtype=np.bool_)).astype(np.bool_)
-    row, column = (int(k[0]) for k in np.nonzero(grid == "S"))
-    side = block * resolution
-    start = ((column + 0.5) * side, (row + 0.5) * side)
-    return GridMap("drawn", free, resolution, (0.0, 0.0), start, None, None, (side / 2, side / 2))
+def drawn(rows: list[str]) -> GridMap:
+    """Return a world drawn in characters of 4 m, the top row first.
+
+    `#` wall, `.` free, `S` start; `T` a target, `t` one inside a wall.
+    """
+    letters = np.array([list(row) for row in rows])[::-1]
+    solid = np.isin(letters, ["#", "t"])
+    free: NDArray[np.bool_] = np.kron(~solid, np.ones((BLOCK, BLOCK), dtype=np.bool_)).astype(np.bool_)
+    side = BLOCK * RESOLUTION
+    start, *_ = _centres(letters == "S", side)
+    world = GridMap("drawn", free, RESOLUTION, (0.0, 0.0), start, None, None, (side / 2, side / 2))
+    targets = _centres(np.isin(letters, ["T", "t"]), side)
+    return dataclasses.replace(world, target=targets[0]) if targets else world
+
+
+def _centres(mask: NDArray[np.bool_], side: float) -> list[tuple[float, float]]:
+    return [((column + 0.5) * side, (row + 0.5) * side) for row, column in np.argwhere(mask).tolist()]

@@ -12,8 +12,7 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Planner, Status
 from common.planners.registry import make_planner
-from tests.common.planners.navigate import navigate
-from tests.common.planners.rollout import drawn
+from tests.common.planners.rollout import drawn, navigate
 
 CONFIG = MappingConfig(resolution=0.5)
 NAMES = ["dstar_lite", "astar", "bit_star", "far"]
@@ -26,16 +25,8 @@ def planner(name: str) -> Planner:
     return make_planner(name, CONFIG)
 
 
-def world(rows: list[str]) -> GridMap:
-    """A drawn world with a target, `T`; a `t` is a target inside a wall."""
-    letters = np.array([list(row) for row in rows])[::-1]
-    row, column = (int(k[0]) for k in np.nonzero((letters == "T") | (letters == "t")))
-    plain = drawn([text.replace("T", ".").replace("t", "#") for text in rows])
-    return dataclasses.replace(plain, target=((column + 0.5) * 4.0, (row + 0.5) * 4.0))
-
-
-ONE_ROOM = world(["########", "#S.....#", "#......#", "#.....T#", "########"])
-TWO_ROOMS = world(
+ONE_ROOM = drawn(["########", "#S.....#", "#......#", "#.....T#", "########"])
+TWO_ROOMS = drawn(
     [
         "############",
         "#S...#....T#",
@@ -46,7 +37,7 @@ TWO_ROOMS = world(
     ]
 )
 # The way that looks short ends in a bag.
-DEAD_END = world(
+DEAD_END = drawn(
     [
         "#############",
         "#...........#",
@@ -59,7 +50,7 @@ DEAD_END = world(
         "#############",
     ]
 )
-SEALED = world(
+SEALED = drawn(
     [
         "###########",
         "#.........#",
@@ -70,7 +61,7 @@ SEALED = world(
         "###########",
     ]
 )
-IN_A_WALL = world(
+IN_A_WALL = drawn(
     [
         "###########",
         "#.........#",
@@ -81,7 +72,7 @@ IN_A_WALL = world(
         "###########",
     ]
 )
-CLOSED_IN = world(["########", "#S#...T#", "###....#", "########"])
+CLOSED_IN = drawn(["########", "#S#...T#", "###....#", "########"])
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -92,7 +83,7 @@ CLOSED_IN = world(["########", "#S#...T#", "###....#", "########"])
 )
 def test_the_robot_arrives(name: str, place: GridMap, shortest: float, longest: float) -> None:
     journey = navigate(planner(name), place, CONFIG)
-    assert journey.arrived, journey.reason
+    assert journey.complete, journey.reason
     assert shortest - 1.6 <= journey.distance <= longest
 
 
@@ -156,7 +147,7 @@ def test_a_known_world_without_frontiers_is_no_obstacle(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_belief_that_grows_from_nothing_leads_to_the_target(name: str) -> None:
     journey = navigate(planner(name), TWO_ROOMS, CONFIG, bounded=False)
-    assert journey.arrived, journey.reason
+    assert journey.complete, journey.reason
 
 
 @pytest.mark.parametrize("name", NAMES)
