@@ -25,6 +25,8 @@ class Vehicle:
         self.travelled = 0.0
 
     def drive(self, command: Command, seconds: float) -> None:
+        gaps = np.hypot(self.world[:, 0] - self.pose.x, self.world[:, 1] - self.pose.y)
+        close = self.world[gaps < 1.0]
         for _ in range(round(seconds / STEP)):
             follow = 1.0 - math.exp(-STEP / self.lag)
             v, w = self.velocity
@@ -34,8 +36,8 @@ class Vehicle:
             middle = self.pose.yaw + 0.5 * w * STEP
             self.pose = Pose(self.pose.x + v * math.cos(middle) * STEP, self.pose.y + v * math.sin(middle) * STEP, yaw)
             self.travelled += abs(v) * STEP
-            if len(self.world):
-                gaps = np.hypot(self.world[:, 0] - self.pose.x, self.world[:, 1] - self.pose.y)
+            if len(close):
+                gaps = np.hypot(close[:, 0] - self.pose.x, close[:, 1] - self.pose.y)
                 self.nearest = min(self.nearest, float(gaps.min()))
 
     def sees(self, reach: float = 4.0):

@@ -1,0 +1,43 @@
+from deploy.config import SafetyConfig
+from deploy.safety import Blacklist
+
+DOOR = (5.0, 5.0)
+
+
+def make() -> Blacklist:
+    return Blacklist(SafetyConfig(blacklist_time=100.0), radius=0.5)
+
+
+def test_ban_ends():
+    blacklist = make()
+    blacklist.add(DOOR, "blocked", 0.0)
+    assert blacklist.banned((5.3, 5.3), 99.0).reason == "blocked"
+    assert blacklist.banned((5.6, 5.0), 99.0) is None
+    assert blacklist.banned(DOOR, 101.0) is None
+
+
+def test_every_failure_doubles_the_time_up_to_eight_times():
+    blacklist = make()
+    now, times = 0.0, []
+    for _ in range(6):
+        ban = blacklist.add(DOOR, "blocked", now)
+        times.append(ban.until - now)
+        now = ban.until + 1.0
+    assert times == [100.0, 200.0, 400.0, 800.0, 800.0, 800.0]
+
+
+def test_old_failures_are_forgotten():
+    blacklist = make()
+    blacklist.add(DOOR, "blocked", 0.0)
+    ban = blacklist.add(DOOR, "blocked", 100.0 + 400.0)
+    assert (ban.failures, ban.until) == (1, 600.0)
+
+
+def test_other_places_are_their_own():
+    blacklist = make()
+    blacklist.add(DOOR, "one", 0.0)
+    blacklist.add((8.0, 8.0), "two", 50.0)
+    assert [ban.reason for ban in blacklist.active(60.0)] == ["one", "two"]
+    assert [ban.reason for ban in blacklist.active(120.0)] == ["two"]
+    blacklist.clear()
+    assert blacklist.active(60.0) == []
