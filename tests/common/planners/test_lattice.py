@@ -9,6 +9,7 @@ from common.planners.base import Status
 from common.planners.greedy import GreedyPlanner
 from common.planners.lattice import ScannedViewpoints, lead_to
 from common.planners.nearest import NearestPlanner
+from common.planners.visibility import observed
 from tests.common.planners.rollout import drawn
 from tests.common.planners.worlds import ARMS, CONFIG, DEAD_END, looked
 
@@ -37,15 +38,34 @@ def test_greedy_scale_weighs_the_way() -> None:
     distances = mapper.distances(mapper.robot)
     others = (utility > 0) & (distances > 0.0)
     for scale in (1.0, 1e6):
-        plan = GreedyPlanner(CONFIG, scale=scale).plan(mapper, pose)
+        plan = GreedyPlanner(CONFIG, scale=scale, cover_range=10.0, min_frontier=0.1).plan(mapper, pose)
         goal = next(n for n in range(len(utility)) if mapper.position(n) == plan.beacon)
         value = np.where(others, np.log(np.maximum(utility, 1)) - distances / scale, -np.inf)
         assert value[goal] == pytest.approx(value.max())
 
 
-def test_greedy_refuses_a_scale_of_zero() -> None:
-    with pytest.raises(ConfigError, match="scale"):
-        GreedyPlanner(CONFIG, scale=0.0)
+def test_greedy_leaves_small_frontiers_until_nothing_larger_is_left() -> None:
+    mapper, pose = looked(ARMS, [(14.0, 14.0)])
+
+    def beacon(min_frontier: float) -> tuple[tuple[float, float], float]:
+        """The beacon and the metres of frontier that it observes; the way counts so much that the nearest wins."""
+        made = GreedyPlanner(CONFIG, scale=1.0, cover_range=8.0, min_frontier=min_frontier)
+        place = made.plan(mapper, pose).beacon
+        assert place is not None
+        seen = observed(mapper.belief, np.array([place]), mapper.frontiers, 8.0).sum() * CONFIG.resolution
+        return place, float(seen)
+
+    near, seen = beacon(0.1)
+    far, more = beacon(seen + 0.1)
+    assert far != near
+    assert more > seen
+    assert beacon(1e3) == (near, seen)
+
+
+@pytest.mark.parametrize("setting", ["scale", "cover_range", "min_frontier"])
+def test_greedy_refuses_settings_of_zero(setting: str) -> None:
+    with pytest.raises(ConfigError, match=setting):
+        GreedyPlanner(CONFIG, **{setting: 0.0})
 
 
 def test_nearest_goes_to_the_nearer_frontier() -> None:
