@@ -53,6 +53,13 @@ def open_session(config: RosConfig) -> zenoh.Session:
             waited = True
 
 
+def guest_of(config: RosConfig) -> RosConfig:
+    """Return the settings by which others join a network whose router is the process with these settings."""
+    if not config.listen:
+        return config
+    return config.model_copy(update={"listen": (), "connect": (*config.listen, *config.connect)})
+
+
 def _open(config: RosConfig, mode: str, listen: tuple[str, ...], timeout: int) -> zenoh.Session:
     settings: dict[str, Any] = {
         "mode": mode,

@@ -1,0 +1,143 @@
+"""Records what goes over a robot's topics, our own decisions included."""
+
+from __future__ import annotations
+
+import functools
+import logging
+import threading
+import time
+from collections.abc import Callable, Sequence
+from fnmatch import fnmatchcase
+
+from common.closing import Closing
+from deploy.config import DeployConfig
+from deploy.recording.errors import RecordingError
+from deploy.recording.writer import BagWriter
+from deploy.ros2 import Node, QoS, Received
+from deploy.ros2.graph import SeenEndpoint, read_graph
+from deploy.ros2.messages import typestore
+from deploy.ros2.session import guest_of
+
+log = logging.getLogger(__name__)
+
+_LOOK = 1.0
+_FLUSH = 1.0
+# A disk may stand still for a moment; the node's queues bridge it.
+_DEPTH = 500
+
+Listener = Callable[[str, str, bytes, int], None]
+"""Gets topic, type, payload and arrival (nanoseconds) of every message, in the recorder's thread."""
+
+
+class Recorder(Closing):
+    """Subscribes to every topic that somebody publishes, also to those that appear later, and writes all to a bag.
+
+    Usage::
+
+        with BagWriter(path, config=config) as bag, Recorder(config, bag) as recorder:
+            recorder.run(stop)
+    """
+
+    def __init__(
+        self,
+        config: DeployConfig,
+        bag: BagWriter,
+        topics: Sequence[str] = (),
+        exclude: Sequence[str] = (),
+        listener: Listener | None = None,
+    ) -> None:
+        """Join the network.
+
+        Args:
+            config: of the robot.
+            bag: to write to.
+            topics: patterns such as `/hd/*` of the topics to record; all when empty.
+            exclude: patterns of topics to leave out.
+            listener: gets the messages as well.
+
+        Raises:
+            RosError: an endpoint is malformed.
+        """
+        self._bag = bag
+        self._patterns = tuple(topics)
+        self._excluded = tuple(exclude)
+        self._listener = listener
+        self._distro = config.ros.distro
+        self._domain = config.ros.domain
+        self._known: set[tuple[str, str]] = set()
+        self._broken: OSError | None = None
+        self._node = Node(guest_of(config.ros), "hd_recorder")
+
+    def run(self, stop: threading.Event, duration: float = float("inf")) -> None:
+        """Record until `stop` is set or so many seconds have passed.
+
+        Raises:
+            RecordingError: the disk is full, or the file cannot be written any more.
+        """
+        begin = time.monotonic()
+        next_look = next_flush = begin
+        while not stop.wait(0.1):
+            now = time.monotonic()
+            if now - begin >= duration:
+                break
+            if now >= next_look:
+                self.look()
+                next_look = time.monotonic() + _LOOK
+            if now >= next_flush:
+                self.flush()
+                next_flush = time.monotonic() + _FLUSH
+        self.flush()
+
+    def look(self) -> None:
+        """Subscribe to topics that have appeared."""
+        for name, endpoints in read_graph(self._node.session, self._domain).topics().items():
+            publishers = [one for one in endpoints if one.role == "publisher"]
+            if publishers and self._wants(name):
+                self._subscribe(name, publishers)
+
+    def flush(self) -> None:
+        """Bring what was recorded so far into the file.
+
+        Raises:
+            RecordingError: it cannot be written.
+        """
+        try:
+            self._bag.flush()
+        except OSError as error:
+            self._broken = error
+        if self._broken is not None:
+            raise RecordingError(
+                f"cannot write to {self._bag.path}: {self._broken}; what was recorded before can be read"
+            )
+
+    def close(self) -> None:
+        """Leave the network; the bag stays open."""
+        self._node.close()
+
+    def _wants(self, name: str) -> bool:
+        wanted = not self._patterns or any(fnmatchcase(name, pattern) for pattern in self._patterns)
+        return wanted and not any(fnmatchcase(name, pattern) for pattern in self._excluded)
+
+    def _subscribe(self, name: str, publishers: Sequence[SeenEndpoint]) -> None:
+        for kind in sorted({one.kind for one in publishers}):
+            if (name, kind) in self._known:
+                continue
+            self._known.add((name, kind))
+            if kind not in typestore(self._distro).fielddefs:
+                log.warning("%s is not recorded: its type %s is unknown", name, kind)
+                continue
+            offered = [one.qos for one in publishers if one.kind == kind]
+            latched = any(qos.transient_local for qos in offered)
+            qos = QoS(all(one.reliable for one in offered), latched, max(one.depth for one in offered))
+            channel = self._bag.add_topic(name, kind, qos)
+            store = functools.partial(self._store, name, kind, channel)
+            self._node.subscribe_raw(name, kind, store, QoS(qos.reliable, latched, max(_DEPTH, qos.depth)))
+            log.info("recording %s (%s)", name, kind)
+
+    def _store(self, name: str, kind: str, channel: int, payload: bytes, received: Received) -> None:
+        try:
+            self._bag.write(channel, payload, received.wall_time, received.source_time, received.sequence or 0)
+        except OSError as error:
+            self._broken = error
+        if self._listener is not None:
+            self._listener(name, kind, payload, received.wall_time)
