@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 JOBS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help install run test test-all lint types format docs bench clean
+.PHONY: help install run demo test test-all lint types format docs bench clean
 
 help:  ## show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -23,6 +23,9 @@ install: $(STAMP)  ## create .venv and install everything into it
 run: $(STAMP)  ## train here: a learner, two PyBullet actors and an evaluator, shown live (Ctrl-C ends it, again: goes on)
 	@if [ -d runs/default ]; then $(BIN)/hd-learner resume --actors 2 --evaluators 1; \
 	else $(BIN)/hd-learner start --preset workstation --actors 2 --evaluators 1; fi
+
+demo: $(STAMP)  ## a simulated robot explores an office: live in the terminal, a video in runs/demo
+	$(BIN)/hd-deploy demo
 
 test: $(STAMP)  ## the test suite without its slow tests
 	$(BIN)/python -m pytest -n $(JOBS) -m 'not slow'

@@ -17,6 +17,8 @@ class DriveBase:
 
     def __init__(self, options: RobotOptions) -> None:
         self._options = options
+        # In slow motion the bridge may take its time too.
+        self._timeout = options.command_timeout / min(1.0, options.speed_factor)
         self._lock = threading.Lock()
         self._waiting: deque[tuple[float, float, float, float]] = deque()
         self._wish = (0.0, 0.0)
@@ -59,7 +61,7 @@ class DriveBase:
                 _, self._heard, *wish = self._waiting.popleft()
                 self._wish = (wish[0], wish[1])
         options = self._options
-        speed, turn_rate = self._wish if now - self._heard <= options.command_timeout else (0.0, 0.0)
+        speed, turn_rate = self._wish if now - self._heard <= self._timeout else (0.0, 0.0)
         speed = max(-options.max_speed, min(options.max_speed, speed))
         turn_rate = max(-options.max_turn_rate, min(options.max_turn_rate, turn_rate))
         self._speed = _ramp(self._speed, speed, options.acceleration * interval, options.deceleration * interval)

@@ -20,7 +20,7 @@ class RobotOptions(Section):
     seed: Annotated[int, Field(ge=0)] = 0
     """Number of the world in its source, and seed of all noise."""
     speed_factor: Annotated[float, Field(gt=0.0, le=100.0)] = 1.0
-    """How much faster than real time the robot lives."""
+    """How much faster than real time the robot lives; below 1 in slow motion."""
     max_speed: Positive = 2.0
     """What the base can do, m/s."""
     max_turn_rate: Positive = 3.0
@@ -32,7 +32,8 @@ class RobotOptions(Section):
     turn_acceleration: Positive = 9.0
     """rad/s2."""
     command_timeout: Positive = 0.5
-    """The base stops when no velocity came for so long, seconds on the wall's clock, as real bases do."""
+    """The base stops when no velocity came for so long, as real bases do: seconds on the wall's clock, or the robot's
+    in slow motion."""
     rays: Annotated[int, Field(ge=16, le=7200)] = 720
     """Beams of the lidar per turn."""
     layers: Literal[1, 16] | None = None

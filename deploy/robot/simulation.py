@@ -95,7 +95,7 @@ class SimulatedRobot(Closing):
         self._simulator = _simulator(options, config)
         self.interval = _control_interval()
         self.base = DriveBase(options)
-        self.follower = WaypointFollower(config.driving, options.command_timeout) if options.follows(config) else None
+        self.follower = WaypointFollower(config.driving) if options.follows(config) else None
         self._steps = 0
         self._truth = self._simulator.reset(self.world, options.seed)
         self._odometry = Odometry(self._truth, options.odometry_drift, options.seed)

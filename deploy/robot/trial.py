@@ -20,8 +20,8 @@ from deploy.robot.options import RobotOptions
 from deploy.robot.simulation import Grid, centred, load_world
 
 ENDED = frozenset({"finished", "failed", "aborted"})
-START_SECONDS = 180.0
-"""A fresh install compiles its kernels for a minute or two before the bridge says anything."""
+START_SECONDS = 600.0
+"""A fresh install compiles its kernels for some minutes before the bridge says anything."""
 _SILENT_SECONDS = 20.0
 
 

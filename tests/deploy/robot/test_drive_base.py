@@ -45,6 +45,13 @@ def test_the_time_out_runs_on_the_walls_clock_however_fast_the_robot_lives():
     assert base.advance(now=0.6, time=6.0, interval=DT)[0] < 1.0
 
 
+def test_in_slow_motion_the_time_out_is_the_robots():
+    base = DriveBase(RobotOptions(command_timeout=0.5, acceleration=1000.0, speed_factor=0.1))
+    base.receive(1.0, 0.0, now=0.0, due=0.0)
+    assert base.advance(now=4.0, time=0.4, interval=DT)[0] == 1.0
+    assert base.advance(now=6.0, time=0.6, interval=DT)[0] < 1.0
+
+
 def test_a_command_waits_for_its_latency():
     base = DriveBase(RobotOptions(acceleration=1000.0))
     base.receive(1.0, 0.0, now=0.0, due=0.2)
