@@ -16,6 +16,7 @@ from actors.tasks import Task
 from actors.tasks.coverage import Coverage
 from common.config.schema import MappingConfig, RewardConfig
 from common.errors import ConfigError, HDError, MapError
+from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.messages.experience import End
 from common.observation import Observation
@@ -195,7 +196,8 @@ class Environment:
 
         Args:
             position: metres, map frame; at most one longest edge of the viewpoint graph (sqrt(5) spacings) away, and
-                the straight segment to it must be known to be free.
+                the straight segment to it must be known to be free; from the robot, or from its viewpoint when it
+                stands beside that.
 
         Raises:
             HDError: the episode has ended, or the position breaks these rules of the nominal protocol.
@@ -296,12 +298,18 @@ class Environment:
         longest = LONGEST_EDGE * self._mapping.viewpoint_spacing
         if not np.isfinite(position).all():
             raise HDError(f"a waypoint must be two finite coordinates in metres, got {position}")
-        if self.pose.distance_to(position) > longest + TOLERANCE:
+        # A robot beside its viewpoint, as robots with wheels are, may also go by the edges of that viewpoint.
+        places = [self.pose]
+        if not self.mapper.stuck:
+            node = Pose(*self.mapper.position(self.mapper.robot))
+            places += [node] if 0.0 < self.pose.distance_to(node.position) <= ON_VIEWPOINT else []
+        near = [place for place in places if place.distance_to(position) <= longest + TOLERANCE]
+        if not near:
             raise HDError(
                 f"a waypoint may be {longest:.2f} m away (one edge), got {self.pose.distance_to(position):.2f} m from "
                 f"{_shown(here)} to {_shown(position)}: cut the path there"
             )
-        if not self.mapper.segment_free(here, position):
+        if not any(self.mapper.segment_free(place.position, position) for place in near):
             raise HDError(
                 f"the way from {_shown(here)} to {_shown(position)} is not known to be free: choose a waypoint that is "
                 "in line of sight through known free space"

@@ -47,10 +47,10 @@ def make_rows(found: Sequence[Results], baseline: str | None, units: Units = "m"
         summary = summarise(results)
         means = group_means(results)
         row = [summary.planner, str(summary.episodes)]
-        row += [_number(means.get(folder, math.nan) * scale, 1) for folder in folders]
+        row += [number(means.get(folder, math.nan) * scale, 1) for folder in folders]
         row += _summary_cells(summary, scale)
         if omniscient is not None:
-            row.append(_number(distance_ratio(results, omniscient), 3))
+            row.append(number(distance_ratio(results, omniscient), 3))
         if reference is not None:
             same = results is reference
             row += ["1", "", "", "", ""] if same else _comparison_cells(compare(results, reference), scale)
@@ -96,19 +96,19 @@ def render(titles: Sequence[str], rows: Rows, style: Format, remarks: Sequence[s
 
 def _summary_cells(summary: Summary, scale: float) -> list[str]:
     return [
-        _number(summary.mean * scale, 1),
-        _number(summary.std * scale, 1),
+        number(summary.mean * scale, 1),
+        number(summary.std * scale, 1),
         f"{100 * summary.success:.1f} %",
         f"{100 * summary.explored:.1f} %",
-        _number(summary.steps, 1),
-        _number(summary.median_ms, 2),
-        _number(summary.p95_ms, 2),
+        number(summary.steps, 1),
+        number(summary.median_ms, 2),
+        number(summary.p95_ms, 2),
     ]
 
 
 def _comparison_cells(comparison: Comparison, scale: float) -> list[str]:
     return [
-        _number(comparison.ratio, 3),
+        number(comparison.ratio, 3),
         "-" if math.isnan(comparison.low) else f"{comparison.low:.3f} to {comparison.high:.3f}",
         f"{comparison.difference * scale:+.1f}",
         _probability(comparison.t_p),
@@ -116,7 +116,8 @@ def _comparison_cells(comparison: Comparison, scale: float) -> list[str]:
     ]
 
 
-def _number(value: float, places: int) -> str:
+def number(value: float, places: int) -> str:
+    """Return a figure with so many decimal places, a dash for nan."""
     return "-" if math.isnan(value) else f"{value:.{places}f}"
 
 

@@ -58,9 +58,14 @@ class Lidar:
         """Scan from where the link is now."""
         state = pybullet.getLinkState(body, link, physicsClientId=client)
         rotation = np.array(pybullet.getMatrixFromQuaternion(state[1])).reshape(3, 3)
-        ranges = self._beams.disturb(self._measure(client, body, link, np.array(state[0]), rotation))
-        self._ranges, self._frame = ranges, (np.array(state[0]), rotation)
-        return self._beams.to_scan(ranges if self._layers == 1 else self._project(ranges, rotation, state[0][2]))
+        origin = np.array(state[0])
+        return self._keep(self._measure(client, body, link, origin, rotation), origin, rotation)
+
+    def _keep(self, measured: NDArray[np.float64], origin: NDArray[np.float64], rotation: NDArray[np.float64]) -> Scan:
+        """Make the last scan of measured ranges; arguments as `_measure` has them."""
+        ranges = self._beams.disturb(measured)
+        self._ranges, self._frame = ranges, (origin, rotation)
+        return self._beams.to_scan(ranges if self._layers == 1 else self._project(ranges, rotation, float(origin[2])))
 
     def _measure(
         self, client: int, body: int, link: int, origin: NDArray[np.float64], rotation: NDArray[np.float64]

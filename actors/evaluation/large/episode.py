@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 from functools import partial
 from typing import Any, TypedDict
 
-from actors.environment import Environment
+from actors.environment import ON_VIEWPOINT, Environment
 from actors.evaluation.episode import Outcome, Place, Tell, run_episode, tell_nobody
 from actors.evaluation.large.settings import LargeSettings
 from actors.evaluation.large.simulator import NotedSimulator, TrackPoint
@@ -17,9 +17,10 @@ from actors.evaluation.results import PLACES
 from actors.maps.grid_map import GridMap
 from actors.tasks import make_task
 from common.config.schema import RewardConfig
+from common.geometry import Pose
 from common.mapping.inflated import InflatedMapper
 from common.mapping.mapper import Mapper
-from common.planners.base import Planner, Position
+from common.planners.base import Plan, Planner, Position, TaskName
 
 Decider = Planner | OmniscientReference
 
@@ -65,6 +66,35 @@ class LargeOutcome(Outcome):
     track: list[TrackPoint] = field(default_factory=list)
     curve: list[tuple[float, float, float, float]] = field(default_factory=list)
     legs: list[Leg] = field(default_factory=list)
+
+
+class OnViewpoints:
+    """A planner that is told to stand on its viewpoint when it is close to it.
+
+    A robot with wheels stops a few centimetres beside its waypoint. From there the way to the next viewpoint may touch
+    a cell that the edge between the two does not; planners on the lattice would then drive back to where they are.
+    """
+
+    def __init__(self, planner: Decider) -> None:
+        """Wrap a planner."""
+        self._planner = planner
+
+    @property
+    def rule_applied(self) -> int | None:
+        """What the planner counts, if it does; see `Outcome.notes`."""
+        return getattr(self._planner, "rule_applied", None)
+
+    def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
+        """Begin an episode."""
+        self._planner.reset(task, target, seed)
+
+    def plan(self, mapper: Mapper, pose: Pose) -> Plan:
+        """Decide."""
+        if not mapper.stuck:
+            viewpoint = mapper.position(mapper.robot)
+            if pose.distance_to(viewpoint) <= ON_VIEWPOINT:
+                pose = Pose(*viewpoint, pose.yaw)
+        return self._planner.plan(mapper, pose)
 
 
 class EpisodeRunner:
@@ -176,7 +206,9 @@ class EpisodeRunner:
         if isinstance(planner, OmniscientReference):
             planner.prepare(world, seed)
         limit = settings.time_limit if steps is None else float("inf")
-        outcome = run_episode(environment, planner, world, seed=seed, time_limit=limit, tell=tell(environment))
+        outcome = run_episode(
+            environment, OnViewpoints(planner), world, seed=seed, time_limit=limit, tell=tell(environment)
+        )
         return outcome, environment.collisions
 
     def _watch(

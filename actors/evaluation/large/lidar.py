@@ -9,6 +9,7 @@ from actors.maps.grid_map import GridMap
 from actors.simulators.beams import BeamPattern
 from actors.simulators.lidar import Lidar
 from common.errors import SimulatorError
+from common.geometry import Pose, Scan
 from common.mapping.raycast import cast_rays
 
 
@@ -29,11 +30,21 @@ class GridLidar(Lidar):
         self._free = np.ascontiguousarray(world.free)
         self.forget()
 
+    def look(self, pose: Pose, height: float) -> Scan:
+        """Scan upright from a pose, without a robot; ``height`` of the lidar above the floor, metres."""
+        cosine, sine = np.cos(pose.yaw), np.sin(pose.yaw)
+        rotation = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        origin = np.array([pose.x, pose.y, height])
+        return self._keep(self._cast(origin, rotation), origin, rotation)
+
     def _measure(
         self, client: int, body: int, link: int, origin: NDArray[np.float64], rotation: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Return the range of every ray, as `Lidar` does; see there."""
         del client, body, link
+        return self._cast(origin, rotation)
+
+    def _cast(self, origin: NDArray[np.float64], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
         world = self._map
         if world is None:
             raise SimulatorError("the lidar has no map: call enter(world) first")
