@@ -20,6 +20,7 @@ from common.logs import setup_logging
 from deploy.bridge.words import parse
 from deploy.config import DeployConfig, RosConfig
 from deploy.profiles import DEPLOY, load_deploy_config
+from deploy.recording.cli import app as recording_app
 from deploy.robot.cli import DEMO_EXAMPLES, demo, robot
 from deploy.robot.cli import EXAMPLES as ROBOT_EXAMPLES
 from deploy.ros2.graph import watch
@@ -52,6 +53,7 @@ LogLevel = Annotated[str | None, typer.Option("--log-level", help="debug, info, 
 
 app.command(epilog=ROBOT_EXAMPLES)(robot)
 app.command(epilog=DEMO_EXAMPLES)(demo)
+app.add_typer(recording_app)
 
 
 @app.command()

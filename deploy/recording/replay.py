@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -239,9 +238,3 @@ def has_decisions(topics: Iterable[str], config: DeployConfig) -> bool:
         if topic
     }  # fmt: skip
     return not telling.isdisjoint(topics)
-
-
-def measure(function: Callable[[], Replayed]) -> tuple[Replayed, float]:
-    """Run a replay and return it with the seconds that it took."""
-    began = time.perf_counter()
-    return function(), time.perf_counter() - began
