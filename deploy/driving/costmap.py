@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot, sqrt
+from math import floor, hypot, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -45,10 +45,12 @@ class LocalCostmap:
         points: (n, 2) obstacle points, metres, map frame, at most one in 2 cm x 2 cm.
         field: distances to them.
         room: distance that the robot's centre keeps from obstacles, metres.
+        passage: distance from which on cells belong to a way; a little more, as the robot cuts their corners.
     """
 
     def __init__(self, config: DrivingConfig) -> None:
         self.room = config.robot_radius + config.clearance
+        self.passage = self.room + 0.25 * config.costmap_resolution
         cells = max(3, round(config.costmap_size / config.costmap_resolution))
         cap = self.room + _BEYOND_ROOM
         self.field = Field(np.full((cells, cells), cap), 0.0, 0.0, config.costmap_resolution, cap)
@@ -63,7 +65,9 @@ class LocalCostmap:
         Obstacles close to the robot are remembered for a second, as sensors do not see what is too near.
         """
         side = self._side
-        self.field = self.field._replace(left=x - side / 2.0, bottom=y - side / 2.0)
+        # Cells stay where they are in the map: a gap that is just wide enough must not come and go with every step.
+        left, bottom = (floor((value - side / 2.0) / self.field.resolution) for value in (x, y))
+        self.field = self.field._replace(left=left * self.field.resolution, bottom=bottom * self.field.resolution)
         seen = np.ascontiguousarray(obstacles, dtype=np.float64).reshape(-1, 2)
         remembered = self._memory[now - self._seen <= _MEMORY_SECONDS]
         self.points = _thin(np.concatenate((seen, remembered)), self.field.left, self.field.bottom, side, _THIN)
@@ -88,9 +92,9 @@ class LocalCostmap:
         offsets = places - (self.field.left, self.field.bottom)
         return np.asarray(((offsets >= 0.0) & (offsets < self._side)).all(axis=1))
 
-    def blocked(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Say of each position, (n, 2) metres, whether its cell's centre has less than the robot's room."""
-        return _distances(self.field, places) < self.room
+    def distances(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return for each position, (n, 2) metres, how far the centre of its cell is from the nearest obstacle."""
+        return np.asarray(_distances(self.field, places))
 
     def free_line(self, start: tuple[float, float], end: tuple[float, float]) -> bool:
         """Whether the robot can go straight from start to end with its room.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from math import atan2, copysign, hypot, isfinite, pi, sqrt
 from typing import Final
 
@@ -14,15 +13,14 @@ from numpy.typing import NDArray
 from common.geometry import Pose
 from deploy.config import DrivingConfig
 from deploy.driving.costmap import LocalCostmap
+from deploy.driving.course import Course, CourseFinder
 from deploy.driving.pursuit import PathTracker, Position
 from deploy.driving.recovery import ProgressWatch, Remedy
-from deploy.driving.search import find_way
 from deploy.driving.window import DynamicWindow, Motion, Velocity
 
 _AT_GOAL: Final = 0.08
 # Turn on the spot when the point ahead is so far off, and until it is within the second angle.
 _TURN_BEGIN, _TURN_END = 1.0, 0.25
-_PATH_STEP: Final = 0.1
 _CREEP: Final = 0.15
 _BACK_OFF_SPEED: Final = 0.15
 # The last command may lead the measured velocity by what the drive's delay explains.
@@ -47,14 +45,6 @@ class Command:
     reason: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class _Course:
-    """Where to steer: a point in a free straight line, and the metres left to the goal."""
-
-    carrot: Position | None
-    remaining: float
-
-
 class LocalPlanner:
     """Follow a path among obstacles.
 
@@ -73,6 +63,7 @@ class LocalPlanner:
         self._config = config
         self._costmap = LocalCostmap(config)
         self._window = DynamicWindow(config)
+        self._courses = CourseFinder(self._costmap)
         self._watch = ProgressWatch()
         self._path: PathTracker | None = None
         self._now = 0.0
@@ -84,6 +75,7 @@ class LocalPlanner:
     def reset(self) -> None:
         """Forget progress and remedies under way; call it when the robot is sent somewhere else."""
         self._path = None
+        self._courses.forget()
         self._watch.reset()
         self._turning = False
 
@@ -119,17 +111,18 @@ class LocalPlanner:
             return self._brake(motion, "there is no path")
         if self._path is None or self._path.path != tuple(path):
             self._path = PathTracker(path)
+            self._courses.forget()
         if pose.distance_to(self._path.goal) <= _AT_GOAL:
             self._watch.reset()
             return self._brake(motion, "the end of the path is reached")
-        course = self._course(motion, self._path)
+        course = self._courses.find(pose.position, self._path, self._lookahead(motion), self._now)
         remedy = self._watch.update(course.remaining, dt, turning=self._turning)
         command = self._remedy(motion, remedy) if remedy is not Remedy.NONE else self._drive(motion, course)
         if self._watch.blocked:
             return Command(command.linear, command.angular, True, command.reason or "the robot makes no way")
         return command
 
-    def _drive(self, motion: Motion, course: _Course) -> Command:
+    def _drive(self, motion: Motion, course: Course) -> Command:
         if course.carrot is None:
             self._turning = False
             return self._brake(motion, "no way leads on within the local map")
@@ -146,50 +139,6 @@ class LocalPlanner:
             return self._brake(motion, "an obstacle is in the way")
         command, self._turn = choice
         return self._send(command, "" if hypot(*command) > 0.01 else "an obstacle is in the way")
-
-    def _course(self, motion: Motion, path: PathTracker) -> _Course:
-        """Steer for the path itself where it is free as far as the local map goes, else for a way around."""
-        costmap = self._costmap
-        x, y = motion.pose.position
-        along, aside = path.advance(x, y)
-        remaining = path.length - along + aside
-        distances = np.append(np.arange(_PATH_STEP, remaining, _PATH_STEP), remaining)
-        places = path.ahead(x, y, distances)
-        inside = costmap.contains(places)
-        known = len(inside) if inside.all() else int(np.argmin(inside))
-        distances, places = distances[:known], places[:known]
-        blocked = costmap.blocked(places)
-        reach = self._lookahead(motion)
-        if blocked.any():
-            first = int(np.argmax(blocked))
-            free = np.flatnonzero(~blocked[first:]) + first
-            for index in dict.fromkeys((free[0], free[-1]) if len(free) else ()):
-                way = find_way(costmap, (x, y), _position(places[index]))
-                if way:
-                    length = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(way))
-                    return _Course(self._shortcut(way, reach), length + remaining - float(distances[index]))
-            # Come closer: from there it may look different.
-            distances, places = distances[:first], places[:first]
-        for part in (1.0, 0.7, 0.4):
-            index = min(int(np.searchsorted(distances, part * reach)), len(distances) - 1)
-            if index >= 0 and costmap.free_line((x, y), _position(places[index])):
-                return _Course(_position(places[index]), remaining)
-        if len(places):
-            way = find_way(costmap, (x, y), _position(places[min(len(places) - 1, round(reach / _PATH_STEP))]))
-            if way:
-                return _Course(self._shortcut(way, reach), remaining)
-        return _Course(None, remaining)
-
-    def _shortcut(self, way: list[Position], reach: float) -> Position:
-        """Return the farthest place of a way, up to `reach`, that a straight line leads to."""
-        chosen = None
-        for place in way[1:]:
-            if hypot(place[0] - way[0][0], place[1] - way[0][1]) > reach and chosen is not None:
-                break
-            if self._costmap.free_line(way[0], place):
-                chosen = place
-        # In a tight place no line is free by all of the room, and the dynamic window finds what is.
-        return chosen or way[min(2, len(way) - 1)]
 
     def _speed(self, motion: Motion, remaining: float) -> float:
         """Slow down towards the goal and between obstacles."""
@@ -210,6 +159,7 @@ class LocalPlanner:
         return copysign(rate, error)
 
     def _remedy(self, motion: Motion, remedy: Remedy) -> Command:
+        self._courses.forget()
         if remedy is Remedy.BACK_OFF:
             self._turning = False
             command = self._window.step(motion, (-min(_BACK_OFF_SPEED, self._config.max_speed), 0.0))
@@ -240,10 +190,6 @@ class LocalPlanner:
         self._costmap.forget()
         self.reset()
         self._last = (0.0, 0.0)
-
-
-def _position(place: NDArray[np.float64]) -> Position:
-    return float(place[0]), float(place[1])
 
 
 def _wrap(angle: float) -> float:

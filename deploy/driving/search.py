@@ -27,7 +27,7 @@ def find_way(costmap: LocalCostmap, start: Position, goal: Position) -> list[Pos
     field = costmap.field
     left, bottom, size = field.left, field.bottom, field.resolution
     (sx, sy), (gx, gy) = ((int((x - left) / size), int((y - bottom) / size)) for x, y in (start, goal))
-    cells = _search(field, sy, sx, gy, gx, costmap.room)
+    cells = _search(field, sy, sx, gy, gx, costmap.passage)
     if not len(cells):
         return []
     columns = field.distances.shape[1]
