@@ -35,9 +35,10 @@ def test_a_scan_without_a_pose_is_dropped_and_says_why():
     intake = Intake(configure())
     drive(intake, 0.0, 1.0)
     for k in range(5):
-        intake.add_scan(5.0 + k / 10, SCAN, "")
+        intake.add_scan(5.0 + k * 0.15, SCAN, "")
         intake.resolve()
-    assert intake.dropped["no pose"] == 2
+    assert intake.dropped["no pose"] == 3
+    assert intake.waiting == 2
     assert "same clock" in intake.problem
     assert not intake.ready
 
