@@ -21,7 +21,7 @@ from deploy.safety.output import VelocityOutput
 
 log = logging.getLogger(__name__)
 
-_START_TIMEOUT: Final = 30.0
+_START_TIMEOUT: Final = 120.0
 _CLOSE_TIMEOUT: Final = 2.0
 # The watchdog reports five times a second.
 _SILENT: Final = 1.0
