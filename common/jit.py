@@ -51,7 +51,7 @@ def cache_folder(package: str) -> Path:
 
 def forget_old_caches() -> None:
     """Delete caches that nobody has used for a week; call it where kernels are warmed up."""
-    current = {cache_folder(package) for package in ("common", "actors", "learner")}
+    current = {cache_folder(package) for package in ("common", "actors", "learner", "deploy")}
     for folder in current:
         folder.mkdir(parents=True, exist_ok=True)
         os.utime(folder)

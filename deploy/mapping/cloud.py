@@ -54,15 +54,18 @@ def _project(
         cleared[beam] = max(cleared[beam], min(distance, range_max))
 
 
-def check_points(points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return points as contiguous float32.
+def checked_points(points: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return a copy of points, float32, shape (n, 3).
+
+    A copy is cheap, and messages are views of buffers that belong to others; kernels would be compiled anew for
+    arrays that are read-only.
 
     Raises:
         MappingError: the shape is not (n, 3 or more).
     """
     if points.ndim != 2 or points.shape[1] < 3:
         raise MappingError(f"a point cloud must have the shape (n, 3 or more), got {points.shape}: drop this cloud")
-    return np.ascontiguousarray(points, dtype=np.float32)
+    return np.array(points[:, :3], dtype=np.float32, order="C")
 
 
 def project(

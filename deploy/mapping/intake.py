@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from common.errors import MappingError
 from common.geometry import Pose, Scan
 from deploy.config import DeployConfig
-from deploy.mapping.cloud import check_points, project
+from deploy.mapping.cloud import checked_points, project
 from deploy.mapping.log_odds import Beams
 from deploy.mapping.pose_buffer import PoseBuffer
 from deploy.mapping.transforms import Transform, TransformTree
@@ -138,7 +138,7 @@ class Intake:
     def add_points(self, time: float, points: NDArray[np.float32], frame: str) -> None:
         """Add a point cloud."""
         try:
-            self._enqueue(_Waiting(time, check_points(points), frame))
+            self._enqueue(_Waiting(time, checked_points(points), frame))
         except MappingError as error:
             self.received += 1
             self.drop("cloud refused", str(error))

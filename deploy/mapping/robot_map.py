@@ -123,8 +123,7 @@ class RobotMap:
 
         Args:
             time: its stamp, seconds of the robot's clock.
-            points: float32, shape (n, 3 or more), metres, in the frame of ``sensing.points_frame``; not to be written
-                to afterwards.
+            points: shape (n, 3 or more), metres, in the frame of ``sensing.points_frame``; copied.
             frame: that of its header, as for scans.
         """
         with self._intake_lock:

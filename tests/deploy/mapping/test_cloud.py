@@ -6,7 +6,7 @@ import pytest
 from common.errors import MappingError
 from common.geometry import Pose
 from deploy.config import SensingConfig
-from deploy.mapping.cloud import check_points, project
+from deploy.mapping.cloud import checked_points, project
 from deploy.mapping.log_odds import Beams
 from deploy.mapping.transforms import Transform
 from tests.deploy.mapping.lidar import cloud_at, room, scan_at
@@ -83,5 +83,8 @@ def test_a_lidar_of_sixteen_lines_sees_the_walls_that_a_planar_one_sees():
 
 def test_what_is_no_cloud_is_refused():
     with pytest.raises(MappingError, match="shape"):
-        check_points(np.zeros((4, 2), dtype=np.float32))
-    assert check_points(np.zeros((4, 5), dtype=np.float64)).dtype == np.float32
+        checked_points(np.zeros((4, 2), dtype=np.float32))
+    theirs = np.zeros((4, 5), dtype=np.float64)
+    theirs.flags.writeable = False
+    ours = checked_points(theirs)
+    assert (ours.dtype, ours.shape, ours.flags.writeable) == (np.float32, (4, 3), True)
