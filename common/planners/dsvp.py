@@ -59,8 +59,9 @@ class DsvpPlanner(SamplingPlanner):
     exploration is declared complete.
 
     Otherwise: the volume is an area, because the world is planar (see `unknown_in_sight`); both factors are
-    exponentials of lengths in metres, as in the publication's text, where its released code divides by them; and the
-    terrain analysis is left out, because walls are all there is.
+    exponentials of lengths in metres, as in the publication's text, where its released code divides by them; a place
+    that was just scanned from in vain gains nothing (see `SamplingPlanner`); and the terrain analysis is left out,
+    because walls are all there is.
     """
 
     name = "dsvp"

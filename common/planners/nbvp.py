@@ -32,7 +32,8 @@ class NbvpPlanner(SamplingPlanner):
     Otherwise: the volume is an area, measured along rays, because the world is planar; yaw is not sampled, because the
     sensor sees all around; a ray enters the unknown only over a frontier (see `unknown_in_sight`), so that gaps between
     beams on a wall are no gain; nodes keep a little distance from each other, because equal places have equal views;
-    lambda and the longest edge fit a sensor of 20 m instead of 5 m. Left out: inspection of surfaces (a later variant).
+    a place that was just scanned from in vain gains nothing (see `SamplingPlanner`); lambda and the longest edge fit a
+    sensor of 20 m instead of 5 m. Left out: inspection of surfaces (a later variant).
     """
 
     name = "nbvp"

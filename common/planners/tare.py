@@ -36,6 +36,8 @@ class TarePlanner(LatticePlanner):
     - The tour ends anywhere. The publication returns home, which the protocol of this project does not ask for.
     - What has to be covered are frontier cells, not surface points: the world is planar and a wall is seen with the
       floor before it.
+    - A viewpoint or a subspace that would add less than `min_frontier` waits until nothing larger is left: the
+      released code of the publication has such a threshold too, for surface points.
     - A way between subspaces is a shortest path over the viewpoint graph, which takes the place of the keypose graph.
     - No smoothing of the path by the vehicle's dynamics (its section on trajectory optimisation): a decision is one
       straight edge of the viewpoint graph here.
