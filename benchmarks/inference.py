@@ -1,6 +1,7 @@
 """Measure one decision of the policy at batch 1: features, graph, network, choice.
 
-`python -m benchmarks.inference`: mean graph of 185 viewpoints, both sizes, one thread. Times are processor
+`python -m benchmarks.inference`: mean graph of 185 viewpoints and a large one of 400, both sizes, one thread, through
+numpy, torch and (where onnx and onnxruntime are installed) ONNX Runtime. Times are processor
 milliseconds of this thread, so that other work on the machine takes little part; run it with OMP_NUM_THREADS=1.
 Targets: 2 ms at width 64 with 3 layers, 10 ms at width 128 with 6 layers.
 """
@@ -17,12 +18,16 @@ import torch
 from common.config.schema import NetworkConfig
 from common.network.graph_arrays import GraphArrays
 from common.network.graph_batch import GraphBatch
+from common.network.onnx_network import OnnxNetwork
+from common.network.parameters import initial_parameters
 from common.network.policy_network import PolicyNetwork
-from common.observation import ObservationBatch
+from common.observation import Observation, ObservationBatch
 from common.policy import Policy
+from learner.run.onnx_model import onnx_model
 from tests.observations import random_observation
 
 VIEWPOINTS = 185
+LARGE = 400
 SIZES = {
     "small": NetworkConfig(width=64, layers=3, heads=4),
     "paper": NetworkConfig(width=128, layers=6, heads=8),
@@ -65,7 +70,28 @@ def run() -> dict[str, float]:
     return results
 
 
+def run_engines() -> dict[str, float]:
+    """Return milliseconds of a decision through numpy and through ONNX Runtime, for both sizes of graph and network."""
+    rng = np.random.default_rng(0)
+    observations = {viewpoints: random_observation(rng, viewpoints) for viewpoints in (VIEWPOINTS, LARGE)}
+    results: dict[str, float] = {}
+    for size, config in SIZES.items():
+        arrays = initial_parameters(config, 0)
+        engines = {
+            "numpy": Policy(config, arrays),
+            "onnx": Policy.with_network(config, OnnxNetwork(onnx_model(config, arrays)), 0),
+        }
+        for viewpoints, observation in observations.items():
+            for engine, policy in engines.items():
+
+                def decide(policy: Policy = policy, observation: Observation = observation) -> object:
+                    return policy.decide(observation, greedy=True, rng=rng)
+
+                results[f"inference/{size}/{viewpoints}/{engine}_ms"] = 1e3 * fastest(decide, 100)
+    return results
+
+
 if __name__ == "__main__":
     print(f"OMP_NUM_THREADS={os.environ.get('OMP_NUM_THREADS', 'not set')}")
-    for name, value in run().items():
+    for name, value in (run() | run_engines()).items():
         print(f"{name:40s} {value:10.3f}")

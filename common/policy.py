@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,14 @@ class Decision:
     waypoint_probabilities: NDArray[np.float32]
 
 
+class DecisionNetwork(Protocol):
+    """An engine that runs the policy network for one observation."""
+
+    def __call__(self, graph: GraphArrays) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return log π_b, shape (beacons,), and log π_a given each beacon, shape (beacons, waypoints)."""
+        ...
+
+
 class Policy:
     """The policy of one actor or robot.
 
@@ -51,12 +59,23 @@ class Policy:
     def __init__(self, config: NetworkConfig, arrays: Arrays, version: int = 0) -> None:
         self.config = config
         self._shapes = parameter_shapes(config)
+        self._network: DecisionNetwork
         self.load(arrays, version)
 
     @classmethod
     def from_config(cls, config: NetworkConfig, seed: int = 0) -> Self:
         """Make a policy with random weights."""
         return cls(config, initial_parameters(config, seed))
+
+    @classmethod
+    def with_network(cls, config: NetworkConfig, network: DecisionNetwork, version: int) -> Self:
+        """Make a policy that another engine runs, such as `common.network.onnx_network`."""
+        policy = cls.__new__(cls)
+        policy.config = config
+        policy._shapes = parameter_shapes(config)
+        policy._network = network
+        policy.version = version
+        return policy
 
     def load(self, arrays: Arrays, version: int) -> None:
         """Take over new weights; nothing changes when they do not fit.

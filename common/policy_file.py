@@ -1,4 +1,7 @@
-"""A policy as files: weights as safetensors beside a card in JSON that says what they are and where they come from."""
+"""A policy as files: weights, and a card in JSON that says what they are and where they come from.
+
+Weights lie in `<name>.safetensors` beside `<name>.json`, or card and network together in `<name>.onnx`.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +19,10 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
+from common import onnx_file
 from common.config.schema import MappingConfig, NetworkConfig
 from common.errors import CheckpointError
+from common.network.onnx_network import OnnxNetwork
 from common.policy import Policy
 
 FORMAT = 1
@@ -104,6 +109,22 @@ def write_policy(path: Path, arrays: dict[str, NDArray[Any]], card: PolicyCard) 
     _write(card_path(path), _card_text(card, data))
 
 
+def write_onnx(path: Path, model: bytes, card: PolicyCard) -> None:
+    """Write `<name>.onnx`, which carries its card.
+
+    Args:
+        path: file to write.
+        model: a serialised ONNX model, as `learner.run.onnx_model` makes it.
+        card: what it is.
+
+    Raises:
+        CheckpointError: when the suffix is another one, or the file cannot be written.
+    """
+    if path.suffix != onnx_file.SUFFIX:
+        raise CheckpointError(f"an ONNX policy's file must end in {onnx_file.SUFFIX}, got {path.name!r}")
+    _write(path, onnx_file.with_card(model, _card_text(card, model).decode()))
+
+
 def read_card(path: Path) -> PolicyCard:
     """Read the card of the policy in ``path``.
 
@@ -120,17 +141,22 @@ def write_card(path: Path, card: PolicyCard) -> None:
         CheckpointError: when the policy cannot be read, or the card not be written.
     """
     _, data = _read(path)
-    _write(card_path(path), _card_text(card, data))
+    if path.suffix == onnx_file.SUFFIX:
+        write_onnx(path, data, card)
+    else:
+        _write(card_path(path), _card_text(card, data))
 
 
 def read_policy(path: Path) -> tuple[Policy, PolicyCard]:
-    """Read a policy that `write_policy` wrote, ready to act.
+    """Read a policy that `write_policy` or `write_onnx` wrote, ready to act.
 
     Raises:
-        CheckpointError: when a file is missing, damaged or of another format.
+        CheckpointError: when a file is missing, damaged or of another format, or onnxruntime is not installed.
         WeightsError: when the weights do not fit the network of the card.
     """
     card, data = _read(path)
+    if path.suffix == onnx_file.SUFFIX:
+        return Policy.with_network(card.network, OnnxNetwork(data), card.version), card
     try:
         arrays = load_tensors(data)
     except SafetensorError as error:
@@ -139,15 +165,21 @@ def read_policy(path: Path) -> tuple[Policy, PolicyCard]:
 
 
 def _read(path: Path) -> tuple[PolicyCard, bytes]:
-    """Return the card and the bytes of the weights that it describes."""
+    """Return the card and the bytes that it describes: of the weights, or of the ONNX model without its card."""
     try:
         data = path.read_bytes()
-        values = json.loads(card_path(path).read_text("utf-8"))
+        if path.suffix == onnx_file.SUFFIX:
+            where = path
+            data, text = onnx_file.split(data)
+        else:
+            where = card_path(path)
+            text = where.read_text("utf-8")
+        values = json.loads(text)
         written, digest = values.pop("format"), values.pop("sha256")
         if written != FORMAT:
-            raise CheckpointError(f"{card_path(path)} has format {written}, this software reads format {FORMAT}")
+            raise CheckpointError(f"{where} has format {written}, this software reads format {FORMAT}")
         if hashlib.sha256(data).hexdigest() != digest:
-            raise CheckpointError(f"{path} is damaged, or not the file that {card_path(path).name} describes")
+            raise CheckpointError(f"{path} is damaged, or not the file that the card in {where.name} describes")
         return card_from(values), data
     except (OSError, ValueError, KeyError, TypeError, AttributeError, ValidationError) as error:
         raise CheckpointError(f"cannot read the policy {path} with its card: {error}") from error

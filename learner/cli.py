@@ -6,6 +6,7 @@ import logging
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
@@ -31,6 +32,14 @@ app = typer.Typer(
 )
 
 RUNS = Path("runs")
+
+
+class PolicyFormat(Enum):
+    """Formats of exported policies, each the suffix of its files."""
+
+    SAFETENSORS = "safetensors"
+    ONNX = "onnx"
+
 
 RunName = Annotated[str | None, typer.Option("--run", help="Name of the run.", metavar="NAME")]
 RunsFolder = Annotated[Path, typer.Option("--runs", help="Folder that holds all runs.", metavar="FOLDER")]
@@ -146,12 +155,17 @@ def config(
 @app.command()
 @command_errors
 def export(
-    out: Annotated[Path | None, typer.Option("--out", help="File to write; NAME.safetensors.", metavar="FILE")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="File to write; NAME.safetensors or NAME.onnx.", metavar="FILE")
+    ] = None,
     run: RunName = None,
     which: Annotated[str, typer.Option("--which", help="best, last, or the name of a checkpoint.")] = "best",
+    kind: Annotated[
+        PolicyFormat | None, typer.Option("--format", help="File format; that of --out when not given.")
+    ] = None,
     runs: RunsFolder = RUNS,
 ) -> None:
-    """Write the policy of a run as safetensors, beside a JSON card that says what it is.
+    """Write the policy of a run: safetensors beside a JSON card that says what it is, or ONNX with the card inside.
 
     The weights are the moving average of training. Works while the learner runs.
 
@@ -159,11 +173,15 @@ def export(
     - `hd-learner export --run office` writes the best evaluated policy to office.safetensors and office.json.
 
     - `hd-learner export --run office --which last --out policies/office-now.safetensors`
+
+    - `hd-learner export --run office --format onnx` writes office.onnx for ONNX Runtime.
     """
     from learner.run.export import export_policy
 
     name = run or RunConfig().name
-    path = out or Path(f"{name}.safetensors")
+    path = out or Path(f"{name}.{(kind or PolicyFormat.SAFETENSORS).value}")
+    if kind is not None and path.suffix != f".{kind.value}":
+        raise ConfigError(f"--format {kind.value} needs a file that ends in .{kind.value}, got {path.name!r}")
     card = export_policy(runs / name, which, path)
     figures = "not evaluated"
     if card.evaluation is not None:

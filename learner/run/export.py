@@ -9,9 +9,11 @@ from typing import Any
 from numpy.typing import NDArray
 
 from common.errors import CheckpointError
-from common.policy_file import PolicyCard, card_from, write_policy
+from common.onnx_file import SUFFIX as ONNX_SUFFIX
+from common.policy_file import PolicyCard, card_from, write_onnx, write_policy
 from learner.run.checkpoints import Checkpoint, CheckpointStore
 from learner.run.folder import check_run, read_config
+from learner.run.onnx_model import onnx_model
 from learner.trainer import EXPORT_PREFIX
 
 logger = logging.getLogger(__name__)
@@ -23,10 +25,10 @@ def export_policy(run: Path, which: str, out: Path) -> PolicyCard:
     Args:
         run: folder of the run.
         which: ``best``, ``last``, or the name of a checkpoint.
-        out: file to write, ending in ``.safetensors``; its card lies beside it.
+        out: file to write, ending in ``.safetensors`` (its card lies beside it) or ``.onnx`` (its card is inside).
 
     Raises:
-        CheckpointError: when there is no such policy, or it is damaged.
+        CheckpointError: when there is no such policy, it is damaged, or the package onnx is needed and not installed.
     """
     check_run(run)
     config = read_config(run)
@@ -45,7 +47,10 @@ def export_policy(run: Path, which: str, out: Path) -> PolicyCard:
         sizes = {"network": config.network.model_dump(), "mapping": config.mapping.model_dump()}
         card = card_from({**checkpoint.document["policy"], **sizes})
         arrays = policy_of(checkpoint)
-    write_policy(out, arrays, card)
+    if out.suffix == ONNX_SUFFIX:
+        write_onnx(out, onnx_model(card.network, arrays), card)
+    else:
+        write_policy(out, arrays, card)
     return card
 
 

@@ -1,0 +1,61 @@
+"""The policy network by ONNX Runtime: the third of three equal networks (torch, numpy, ONNX)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import CheckpointError
+from common.network.graph_arrays import GraphArrays
+
+Array = NDArray[np.float32]
+
+
+class OnnxNetwork:
+    """Encoder and decoders over one observation, called as `InferenceNetwork` is.
+
+    Args:
+        model: a serialised model, as `learner.run.onnx_model` describes it.
+        threads: that a decision may use.
+
+    Raises:
+        CheckpointError: onnxruntime is not installed, or cannot run this model.
+    """
+
+    def __init__(self, model: bytes, threads: int = 1) -> None:
+        try:
+            import onnxruntime
+        except ImportError as error:
+            raise CheckpointError(
+                "a policy in an .onnx file needs the package onnxruntime: pip install 'hdplanner[onnx]', or use the "
+                ".safetensors file of the policy"
+            ) from error
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = threads
+        options.inter_op_num_threads = 1
+        try:
+            self._session: Any = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+        # onnxruntime raises errors of its own kinds, which share no base but Exception.
+        except Exception as error:
+            raise CheckpointError(f"onnxruntime {onnxruntime.__version__} cannot run this model: {error}") from error
+        self._inputs = {each.name for each in self._session.get_inputs()}
+
+    def __call__(self, graph: GraphArrays) -> tuple[Array, Array]:
+        """Return log π_b, shape (beacons,), and log π_a given each beacon, shape (beacons, waypoints).
+
+        Args:
+            graph: exactly one observation, with at least one beacon and one waypoint.
+        """
+        feed = {
+            "features": graph.features,
+            "neighbours": graph.neighbours.astype(np.int64),
+            "robot": graph.robot_rows,
+            "beacons": graph.beacon_rows,
+            "waypoints": graph.waypoint_rows,
+        }
+        log_beacon, log_waypoint = self._session.run(
+            ["log_beacon", "log_waypoint"], {name: array for name, array in feed.items() if name in self._inputs}
+        )
+        return log_beacon, log_waypoint
