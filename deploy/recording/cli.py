@@ -154,7 +154,8 @@ def replay(
     if as_json:
         typer.echo(json.dumps(result, indent=2))
     else:
-        show(result, Console())
+        # A table that goes into a file is not squeezed into 80 columns.
+        show(result, Console() if Console().is_terminal else Console(width=160))
     if comparison is not None and comparison.agreement < min_agreement:
         raise typer.Exit(1)
 

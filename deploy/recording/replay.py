@@ -30,6 +30,7 @@ log = logging.getLogger(__name__)
 
 # As often as the bridge's own loop.
 _PASS: Final = 0.1
+_STANDING: Final = 0.05
 _MOVING: Final = frozenset({"running", "holding", "returning"})
 
 
@@ -222,10 +223,10 @@ class Replay:
         here = None if pose is None else pose.position
         # A bridge that stands sends the robot to where it is.
         stands = here is not None and abs(here[0] - position[0]) + abs(here[1] - position[1]) < _STANDING
+        if not stands and self._mission.orders.phase.value == "idle":
+            # The status that tells of the start may come later than the first waypoint.
+            self._mission.start()
         self._result.recorded.append(Decision(received.time, None if stands else position, None, here))
-
-
-_STANDING: Final = 0.05
 
 
 def has_decisions(topics: Iterable[str], config: DeployConfig) -> bool:

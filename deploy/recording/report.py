@@ -79,7 +79,7 @@ def show(result: dict[str, Any], console: Console) -> None:
     for name, topic in result["topics"].items():
         table.add_row(
             name,
-            topic["type"],
+            topic["type"].split("/")[-1],
             str(topic["messages"]),
             f"{topic['rate']:.1f}",
             f"{topic['longest_gap']:.2f} s",
