@@ -114,7 +114,7 @@ class CourseFinder:
     def _around(self, position: Position, ends: list[tuple[NDArray[np.float64], float]], now: float) -> _Way | None:
         """Keep to the way that was begun while it is free, unless another is much shorter."""
         kept = self._kept(position)
-        if kept is None or now - self._searched >= _SEARCH_PERIOD:
+        if (kept is None and self._way is not None) or now - self._searched >= _SEARCH_PERIOD:
             self._searched = now
             for end, beyond in ends:
                 places = find_way(self._costmap, position, _position(end))

@@ -100,6 +100,8 @@ class LocalPlanner:
             dt: seconds until the next command.
         """
         self._now += dt
+        # Whole numbers would be another type to the kernels, and compiled for at the worst moment.
+        pose, velocity = Pose(float(pose.x), float(pose.y), float(pose.yaw)), (float(velocity[0]), float(velocity[1]))
         motion = Motion(pose, velocity, self._base(velocity), dt)
         if not all(map(isfinite, (pose.x, pose.y, pose.yaw, *velocity))):
             return self._brake(Motion(Pose(0.0, 0.0), self._last, self._last, dt), "the pose is not finite")
