@@ -6,7 +6,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Final
 
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
@@ -15,12 +15,12 @@ from common.planners.base import Plan, Position, Status
 from deploy.bridge.completion import CompletionChecks
 from deploy.bridge.detour import nearest_free_place
 from deploy.bridge.diagnosis import diagnose
+from deploy.bridge.map_source import MapSource
 from deploy.bridge.mission import Mission, Orders, Phase
 from deploy.bridge.outcome import Course, Outcome
 from deploy.bridge.oversight import Oversight, gap
 from deploy.bridge.team import PlannerError, PlannerTeam
 from deploy.config import DeployConfig
-from deploy.mapping import MapStatistics
 from deploy.safety import Fault, FaultKind, HealthMonitor
 
 log = logging.getLogger(__name__)
@@ -30,32 +30,6 @@ _MENDED_BY_PLANNING: Final = frozenset({FaultKind.WAYPOINT_OCCUPIED, FaultKind.P
 # A robot that moved less and learned nothing keeps its decision: planners take repeated questions from one place for
 # repeated failures.
 _MOVED: Final = 0.02
-
-
-class MapSource(Protocol):
-    """What the loop needs of `deploy.mapping.RobotMap`."""
-
-    def refresh(self) -> Mapper | None:
-        """Apply what came and update the mapper; None while pose or map lack."""
-        ...
-
-    @property
-    def pose(self) -> Pose | None:
-        """Newest pose."""
-        ...
-
-    @property
-    def statistics(self) -> MapStatistics:
-        """What became of the sensor messages."""
-        ...
-
-    def set_target(self, target: Position | None) -> None:
-        """Set another target and keep the map."""
-        ...
-
-    def reset(self, target: Position | None = None) -> None:
-        """Forget the map."""
-        ...
 
 
 class DecisionLoop:
@@ -131,6 +105,10 @@ class DecisionLoop:
                 self._stand(diagnose(mapper, pose, self._mapping).text)
             elif self._due(mapper, pose, now):
                 decided = self._decide(mapper, pose, now)
+            elif self._course is not None and now >= self._next:
+                # The decision stands because nothing has changed; that is just what must not last.
+                self._next = now + 1.0 / self._config.rate
+                self._watch(self._course, mapper, pose, now)
         return self._outcome(mapper, pose, now, decided, time.perf_counter() - began)
 
     # The stages of a pass.
@@ -211,6 +189,7 @@ class DecisionLoop:
             self._next, self._asked = now, None
             return False
         self._health.policy_decided()
+        self._faults = [fault for fault in self._faults if fault.kind not in _MENDED_BY_PLANNING]
         if plan.status is Status.GOING and not self._oversight.allows(plan, place, now):
             plan = self._oversight.around(mapper, place, now)
         if plan.status is Status.GOING and plan.waypoint is not None:
@@ -254,11 +233,15 @@ class DecisionLoop:
             ahead = self._drivable(mapper, waypoint, plan.path, now)
             self._course = Course(waypoint, plan.beacon, tuple(plan.path), (*regained, waypoint, *ahead))
         assert self._course is not None
-        vain = self._oversight.watch(mapper, place, self._course, now)
+        self._watch(self._course, mapper, place, now)
+
+    def _watch(self, course: Course, mapper: Mapper, place: Pose, now: float) -> None:
+        """Look whether the robot gets anywhere, and try something else when it does not."""
+        vain = self._oversight.watch(mapper, place, course, now)
         if vain:
-            self._oversight.give_up(self._course, vain, now)
+            self._oversight.give_up(course, vain, now)
             self.team.relieve(now, vain)
-            self._next = now
+            self._next, self._asked = now, None
 
     def _keeps(self, old: Course, mapper: Mapper, pose: Pose, plan: Plan, waypoint: Position, now: float) -> bool:
         """Whether the waypoint under way stays, because the new one saves too little."""

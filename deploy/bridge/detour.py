@@ -23,9 +23,13 @@ _MAX_PLACES: Final = 16
 
 
 def useful_nodes(mapper: Mapper, target: Position | None) -> NDArray[np.int64]:
-    """Return the nodes worth going to: those that observe frontiers, and a known target."""
-    nodes = np.flatnonzero(mapper.observe().utility)
-    return np.append(nodes, len(mapper.viewpoints)) if target is not None and mapper.target_known else nodes
+    """Return the nodes worth going to: those that observe frontiers and were not visited, and a known target.
+
+    What a visit did not resolve, another one will not either.
+    """
+    observation = mapper.observe()
+    nodes = np.flatnonzero((observation.utility > 0) & ~observation.visited)
+    return np.append(nodes, observation.viewpoints) if target is not None and mapper.target_known else nodes
 
 
 def detour(mapper: Mapper, pose: Pose, target: Position | None, allowed: Allowed) -> Plan:

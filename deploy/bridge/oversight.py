@@ -56,6 +56,8 @@ class Oversight:
     def allows(self, plan: Plan, place: Pose, now: float) -> bool:
         """Whether a plan leads nowhere that is banned or fenced off."""
         beacon = plan.beacon
+        if beacon is not None and not self._fence.contains(beacon):
+            return False
         if beacon is not None and beacon != self.target and self._blacklist.banned(beacon, now) is not None:
             return False
         return plan.waypoint is None or self.may_enter(place.position, plan.waypoint, now)
@@ -70,14 +72,18 @@ class Oversight:
             wait = min(ban.until for ban in young) - now
             return Plan(Status.STUCK, reason=f"every way is blocked ({young[0].reason}); tries again in {wait:.0f} s")
         left = [mapper.position(int(node)) for node in useful_nodes(mapper, self.target)]
-        where = "could not be reached" if any(map(self._fence.contains, left)) else "lies outside the geofence"
-        return Plan(Status.UNREACHABLE, reason=f"everything that is left {where}")
+        if any(map(self._fence.contains, left)):
+            why = "could not be reached"
+        else:
+            why = "lies outside the geofence, or was looked at in vain"
+        return Plan(Status.UNREACHABLE, reason=f"everything that is left {why}")
 
     def watch(self, mapper: Mapper, pose: Pose, course: Course, now: float) -> str:
         """Take in a decision and say why the robot gets nowhere; empty while it does get somewhere."""
         area = mapper.explored_area
         loop = self._loops.decide(course.waypoint, area)
-        stalled = self._progress.update(now, area, course.goal, way_to(mapper, pose, course.goal))
+        way = None if mapper.stuck else way_to(mapper, pose, course.goal)
+        stalled = self._progress.update(now, area, course.goal, way)
         if loop is not None:
             return f"the robot circles through {len(loop.waypoints)} waypoints without news"
         return f"no new area and no nearer goal for {self._progress_time:g} s" if stalled else ""

@@ -1,0 +1,152 @@
+"""A bridge on a real bus, with a small robot at the other end: topics, commands, and what happens when things fail."""
+
+import threading
+import time
+
+import pytest
+
+from common.bus.control import request
+from common.bus.liveness import present
+from common.errors import BusError
+from common.geometry import Pose
+from common.messages.replies import ROBOT_VERBS
+from deploy.bridge.bridge import Bridge
+from deploy.ros2 import message
+from deploy.ros2.conversions import point_stamped
+from tests.common.bus.processes import eventually
+from tests.common.planners.worlds import ARMS
+from tests.deploy.bridge.robots import FakeRobot, network
+
+MAPPING = {"resolution": 0.25, "viewpoint_spacing": 2.0, "sensor_range": 10.0, "beacon_range": 10.0}
+
+
+@pytest.fixture(scope="module")
+def pair():
+    router, config = network(mapping=MAPPING)
+    stop = threading.Event()
+    with FakeRobot(ARMS, router) as robot, Bridge(config) as bridge:
+        thread = threading.Thread(target=bridge.run, args=(stop,))
+        thread.start()
+        yield robot, bridge
+        stop.set()
+        thread.join()
+    assert bridge.status()["lifecycle"] == "finalized"
+
+
+@pytest.fixture
+def robot(pair):
+    """The robot at its start, and a bridge that waits with an empty map."""
+    robot = pair[0]
+    robot.sensing, robot.jump, robot.pose = True, None, Pose(*ARMS.start)
+    ask(robot, "abort")
+    ask(robot, "reset")
+    ask(robot, "release")
+    robot.waypoint = None
+    robot.waypoints.clear()
+    robot.answers.clear()
+    # A robot that was carried back has a pose that jumped.
+    assert eventually(lambda: robot.status.get("faults") == {} and robot.status["scans"] > 2)
+    return robot
+
+
+def ask(robot, verb, **arguments):
+    return request(robot.node.session, "robot", verb, 10.0, arguments, asked="robot")
+
+
+def state(robot):
+    return robot.status.get("state")
+
+
+def test_it_explores_and_tells_everything_about_it(robot):
+    assert ask(robot, "start")["lifecycle"] in {"inactive", "active"}
+    assert eventually(lambda: len(set(robot.waypoints)) >= 3, 30)
+    status = robot.status
+    assert (status["state"], status["lifecycle"], status["planner"]) == ("running", "active", "greedy")
+    assert status["explored_area"] > 20.0
+    assert status["viewpoints"] > 3
+    assert status["decision_seconds"] > 0.0
+    assert status["ages"]["scan"] < 3.0
+    assert status["home"] == pytest.approx(list(ARMS.start), abs=1.0)
+    assert eventually(lambda: robot.status["distance"] > 0.2 and robot.status["duration"] > 0.0)
+    wanted = {"/hd/path", "/hd/beacon", "/hd/markers", "/hd/belief", "/runtime", "/traveling_distance"}
+    assert eventually(lambda: wanted <= set(robot.heard))
+    assert {marker.ns for marker in robot.heard["/hd/markers"].markers} >= {"edges", "frontiers", "beacons", "waypoint"}
+    assert robot.heard["/hd/belief"].info.resolution == pytest.approx(0.25)
+    assert robot.heard["/hd/path"].header.frame_id == "map"
+    assert robot.heard["/exploration_finish"].data is False
+    assert ("robot", "robot") in present(robot.node.session, "robot")
+
+
+def test_every_command_is_acknowledged_on_the_bus(robot):
+    seen = {verb: ask(robot, verb) for verb in ("status", "start", "pause", "resume", "return_home", "abort")}
+    assert [seen[verb]["state"] for verb in ("status", "pause", "abort")] == ["aborted", "paused", "aborted"]
+    assert ask(robot, "stop", reason="test")["name"] == "robot"
+    assert eventually(lambda: ask(robot, "status")["emergency_stop"])
+    ask(robot, "release")
+    assert eventually(lambda: not ask(robot, "status")["emergency_stop"])
+    assert ask(robot, "reset")["state"] == "aborted"
+    with pytest.raises(BusError, match=r"refused 'pause': there is nothing to pause"):
+        ask(robot, "pause")
+    with pytest.raises(BusError, match=r"refused 'goal': this bridge explores"):
+        ask(robot, "goal", x=1.0, y=2.0)
+    assert set(ROBOT_VERBS) == {*seen, "stop", "release", "reset", "goal"}
+
+
+def test_every_command_is_acknowledged_on_topics(robot):
+    robot.starts.publish(message("std_msgs/msg/Bool", data=True))
+    assert eventually(lambda: len(robot.answers) == 1)
+    for text in ("pause", "resume", "return-home", "status", "abort", "goal 1 2", "dance", "pause now"):
+        count = len(robot.answers)
+        robot.say(text)
+        assert eventually(lambda count=count: len(robot.answers) > count), text
+    robot.goals.publish(point_stamped(time.time(), "odom", (1.0, 2.0)))
+    assert eventually(lambda: len(robot.answers) == 10)
+    by_command = {answer["command"]: answer for answer in robot.answers}
+    assert [by_command[c]["ok"] for c in ("start", "pause", "resume", "return-home", "abort")] == [True] * 5
+    assert by_command["pause"]["state"] == "paused"
+    assert "explores and takes no target" in by_command["goal 1 2"]["error"]
+    assert "must be one of status, start" in by_command["dance"]["error"]
+    assert "takes no arguments" in by_command["pause now"]["error"]
+    assert "in the frame 'map', got 'odom'" in by_command["goal"]["error"]
+
+
+def test_lost_scans_stop_the_robot_and_scans_let_it_go_on(robot):
+    ask(robot, "start")
+    assert eventually(lambda: robot.waypoint is not None and state(robot) == "running", 30)
+    robot.sensing = False
+    assert eventually(lambda: bool(robot.stops) and robot.stops[-1][1] == 2, 10)
+    assert eventually(lambda: state(robot) == "holding" and "sensor_stale" in robot.status["faults"])
+    # A stack of its own is sent to where it stands.
+    assert eventually(lambda: robot.waypoint == pytest.approx((robot.pose.x, robot.pose.y), abs=1.5))
+    robot.sensing = True
+    assert eventually(lambda: state(robot) == "running" and robot.stops[-1][1] == 0)
+
+
+def test_a_jump_of_the_pose_stops_the_robot(robot):
+    ask(robot, "start")
+    assert eventually(lambda: state(robot) == "running" and robot.stops[-1][1] == 0, 30)
+    robot.jump = 8.0
+    assert eventually(lambda: robot.stops[-1][1] == 2, 5)
+    assert eventually(lambda: "jumped" in robot.status["reason"])
+
+
+def test_the_emergency_stop_holds_until_it_is_released(robot):
+    ask(robot, "start")
+    assert eventually(lambda: state(robot) == "running" and robot.stops[-1][1] == 0, 30)
+    robot.emergency.publish(message("std_msgs/msg/Bool", data=True))
+    assert eventually(lambda: robot.stops[-1][1] == 2, 5)
+    robot.emergency.publish(message("std_msgs/msg/Bool", data=False))
+    assert eventually(lambda: state(robot) == "holding" and "emergency stop" in robot.status["reason"])
+    assert ask(robot, "status")["emergency_stop"]
+    ask(robot, "release")
+    assert eventually(lambda: state(robot) == "running" and robot.stops[-1][1] == 0)
+
+
+def test_a_pause_stops_the_robot_and_an_idle_robot_is_left_to_others(robot):
+    ask(robot, "start")
+    assert eventually(lambda: state(robot) == "running" and robot.stops[-1][1] == 0, 30)
+    ask(robot, "pause")
+    assert eventually(lambda: robot.stops[-1][1] == 2, 5)
+    assert robot.status["lifecycle"] == "inactive" or eventually(lambda: robot.status["lifecycle"] == "inactive")
+    ask(robot, "resume")
+    assert eventually(lambda: robot.stops[-1][1] == 0)

@@ -1,0 +1,106 @@
+"""Orders and the commands that change them."""
+
+import pytest
+
+from deploy.bridge.mission import Mission, Phase
+from deploy.bridge.words import CommandError, parse
+
+
+def test_a_task_runs_from_start_to_end():
+    mission = Mission("exploration")
+    assert mission.orders.phase is Phase.IDLE
+    mission.start()
+    mission.begun((1.0, 2.0))
+    mission.begun((5.0, 5.0))
+    assert mission.orders.moving
+    assert mission.orders.home == (1.0, 2.0)
+    episode = mission.orders.episode
+    mission.end(Phase.FINISHED, "no frontier is left", episode)
+    assert (mission.orders.phase, mission.orders.reason) == (Phase.FINISHED, "no frontier is left")
+    mission.start()
+    assert mission.orders.episode == episode + 1
+
+
+def test_a_command_is_quicker_than_the_end_of_the_episode_before_it():
+    mission = Mission("exploration")
+    mission.start()
+    old = mission.orders.episode
+    mission.reset()
+    mission.end(Phase.FINISHED, "done", old)
+    assert mission.orders.phase is Phase.RUNNING
+    mission.abort()
+    mission.end(Phase.FINISHED, "done", mission.orders.episode)
+    assert mission.orders.phase is Phase.ABORTED
+
+
+@pytest.mark.parametrize("resume", ["resume", "start"])
+def test_a_pause_keeps_the_episode(resume):
+    mission = Mission("exploration")
+    mission.start()
+    episode = mission.orders.episode
+    mission.pause()
+    mission.pause()
+    assert not mission.orders.moving
+    getattr(mission, resume)()
+    assert (mission.orders.phase, mission.orders.episode) == (Phase.RUNNING, episode)
+
+
+def test_the_way_home_can_be_paused_too():
+    mission = Mission("exploration")
+    mission.start()
+    mission.begun((0.0, 0.0))
+    mission.return_home()
+    mission.pause()
+    mission.resume()
+    assert mission.orders.phase is Phase.RETURNING
+
+
+def test_commands_that_make_no_sense_now_say_what_to_send_instead():
+    mission = Mission("exploration")
+    for act, words in (
+        (mission.pause, "nothing to pause, the robot is idle: send `start`"),
+        (mission.resume, "nothing to resume"),
+        (mission.return_home, "no home yet"),
+        (lambda: mission.goal((1.0, 2.0)), "decision.task=navigation"),
+    ):
+        with pytest.raises(CommandError, match=words):
+            act()
+    assert mission.orders.phase is Phase.IDLE
+
+
+def test_navigation_needs_a_target_and_takes_new_ones_on_its_way():
+    mission = Mission("navigation")
+    with pytest.raises(CommandError, match="goal X Y"):
+        mission.start()
+    mission.goal((4.0, 2.0))
+    assert mission.orders.phase is Phase.IDLE
+    mission.start()
+    episode = mission.orders.episode
+    mission.goal((5.0, 2.0))
+    assert mission.orders.target == (5.0, 2.0)
+    assert mission.orders.episode > episode
+    mission.end(Phase.FINISHED, "there", mission.orders.episode)
+    mission.goal((6.0, 2.0))
+    assert mission.orders.phase is Phase.RUNNING
+    with pytest.raises(CommandError, match="finite"):
+        mission.goal((float("nan"), 0.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "verb", "arguments"),
+    [
+        ("pause", "pause", {}),
+        (" Return-Home ", "return_home", {}),
+        ("goal 3.5 -2", "goal", {"x": "3.5", "y": "-2"}),
+        ("goal 3.5,-2", "goal", {"x": "3.5", "y": "-2"}),
+        ("stop a person is there", "stop", {"reason": "a person is there"}),
+    ],
+)
+def test_commands_are_read_as_people_write_them(text, verb, arguments):
+    assert parse(text) == (verb, arguments)
+
+
+@pytest.mark.parametrize("text", ["goal 3", "goal", "pause now", "goal 1 2 3"])
+def test_words_too_many_or_too_few_are_refused(text):
+    with pytest.raises(CommandError):
+        parse(text)
