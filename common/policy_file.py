@@ -26,6 +26,7 @@ from common.network.onnx_network import OnnxNetwork
 from common.policy import Policy
 
 FORMAT = 1
+SUFFIX = ".safetensors"
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +103,8 @@ def write_policy(path: Path, arrays: dict[str, NDArray[Any]], card: PolicyCard) 
     Raises:
         CheckpointError: when the suffix is another one, or the files cannot be written.
     """
-    if path.suffix != ".safetensors":
-        raise CheckpointError(f"a policy's file must end in .safetensors, got {path.name!r}")
+    if path.suffix != SUFFIX:
+        raise CheckpointError(f"a policy's file must end in {SUFFIX}, got {path.name!r}")
     data = save_tensors({name: np.ascontiguousarray(array) for name, array in arrays.items()})
     _write(path, data)
     _write(card_path(path), _card_text(card, data))
@@ -157,11 +158,26 @@ def read_policy(path: Path) -> tuple[Policy, PolicyCard]:
     card, data = _read(path)
     if path.suffix == onnx_file.SUFFIX:
         return Policy.with_network(card.network, OnnxNetwork(data), card.version), card
+    return Policy(card.network, _tensors(path, data), card.version), card
+
+
+def read_weights(path: Path) -> tuple[dict[str, NDArray[Any]], PolicyCard]:
+    """Read the weights that `write_policy` wrote, to train on from there.
+
+    Raises:
+        CheckpointError: when a file is missing, damaged or of another format, or holds an ONNX model.
+    """
+    if path.suffix != SUFFIX:
+        raise CheckpointError(f"training goes on from a {SUFFIX} file, got {path.name!r}")
+    card, data = _read(path)
+    return _tensors(path, data), card
+
+
+def _tensors(path: Path, data: bytes) -> dict[str, NDArray[Any]]:
     try:
-        arrays = load_tensors(data)
+        return load_tensors(data)
     except SafetensorError as error:
         raise CheckpointError(f"cannot read the policy {path}: {error}") from error
-    return Policy(card.network, arrays, card.version), card
 
 
 def _read(path: Path) -> tuple[PolicyCard, bytes]:

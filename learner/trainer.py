@@ -9,12 +9,13 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 import torch
 
 from common.errors import CheckpointError, HDError
-from common.policy_file import PolicyCard, portable_sources
+from common.policy_file import PolicyCard, portable_sources, read_weights
 from learner.algorithm.base import Algorithm, PublishedVersion
 from learner.algorithm.batch import TransitionBatch
 from learner.ingest import Ingest
@@ -81,7 +82,16 @@ class Trainer:
     # --- beginning and end -------------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Begin a new run: nothing collected, nothing learnt, a first checkpoint."""
+        """Begin a new run: nothing collected, nothing learnt but what an initial policy knows, a first checkpoint.
+
+        Raises:
+            CheckpointError: the initial policy cannot be read.
+            WeightsError: it does not fit the configured network.
+        """
+        if self.config.learner.initial_policy is not None:
+            weights, card = read_weights(Path(self.config.learner.initial_policy).expanduser())
+            self.algorithm.adopt(weights)
+            logger.info("training goes on from the policy of run %s, %d updates", card.run, card.updates)
         self._open_records(episodes_length=0, updates=0)
         self.recorder.write_text("config", f"```json\n{self.config.model_dump_json(indent=2)}\n```")
         self.checkpoint()

@@ -50,7 +50,9 @@ class MappingConfig(Section):
     utility_range: Positive | None = None
     """A viewpoint observes frontiers up to this distance, metres; the sensor range when not given."""
     min_utility: Annotated[int, Field(ge=1)] = 2
-    """A viewpoint that observes fewer frontiers counts as useless (utility 0)."""
+    """A viewpoint that observes fewer frontiers counts as useless (utility 0), as long as another one is useful."""
+    least_utility: Annotated[int, Field(ge=1)] = 2
+    """When no viewpoint observes `min_utility` frontiers any more, those that observe so many are useful."""
     beacon_range: Positive = 20.0
     """d_th of Algorithm 1: a beacon covers useful viewpoints up to this distance in line of sight, metres."""
 
@@ -261,6 +263,8 @@ class LearnerConfig(Section):
     """Collected steps that the actors may run ahead of the declared ratio before they are held."""
     total_updates: Annotated[int, Field(ge=1)] = 20_000
     """Updates after which the run is complete."""
+    initial_policy: str | None = None
+    """Begin from these weights (.safetensors with card) instead of random ones: to train on for one's own worlds."""
     device: str = "auto"
     """`auto` (CUDA when present), `cpu`, `cuda` or `cuda:N`."""
     precision: Literal["auto", "fp32", "bf16"] = "auto"

@@ -43,6 +43,7 @@ def _gather(
     counts: NDArray[np.int32],
     visited: NDArray[np.bool_],
     min_utility: int,
+    least_utility: int,
     start: int,
 ) -> tuple[
     NDArray[np.int64],
@@ -54,6 +55,10 @@ def _gather(
 ]:
     """Collect positions in subcells, offsets from `start`, utility, visited flags and edges of the nodes in order."""
     n = len(order)
+    most = 0
+    for node in range(n):
+        most = max(most, counts[order[node] // columns, order[node] % columns])
+    threshold = min_utility if most >= min_utility else min(least_utility, min_utility)
     x = np.empty(n, dtype=np.int64)
     y = np.empty(n, dtype=np.int64)
     offsets = np.empty((n, 2), dtype=np.int16)
@@ -67,7 +72,7 @@ def _gather(
         offsets[node, 0] = i - start % columns
         offsets[node, 1] = j - start // columns
         count = counts[j, i]
-        utility[node] = min(count, 65535) if count >= min_utility else 0
+        utility[node] = min(count, 65535) if count >= threshold else 0
         been[node] = visited[j, i]
         masks[node] = edges[j, i]
     return x, y, offsets, utility, been, masks
@@ -355,6 +360,7 @@ class Mapper:
             self._utility.counts,
             graph.visited,
             config.min_utility,
+            config.least_utility,
             self._node,
         )
         self._beacon = find_beacons(cells, width, x, y, self._useful > 0, self._beacon_reach)

@@ -20,6 +20,10 @@ class Algorithm(Protocol):
         """Learn from one batch; return losses and other figures by their TensorBoard names."""
         ...
 
+    def adopt(self, weights: PolicyArrays) -> None:
+        """Begin with these policy weights; WeightsError when they do not fit."""
+        ...
+
     def state(self) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
         """Return everything that resuming needs: named tensors, and plain values."""
         ...

@@ -113,6 +113,15 @@ class SacLearner:
         self.updates += 1
         return _to_floats(metrics)
 
+    def adopt(self, weights: dict[str, NDArray[np.float32]]) -> None:
+        """Begin with these policy weights; the critics stay as they are.
+
+        Raises:
+            WeightsError: a weight is missing, unknown, of another shape or type, or not finite; the error names it.
+        """
+        load_arrays(self.policy, weights)
+        load_arrays(self.average, weights)
+
     def policy_weights(self, averaged: bool) -> dict[str, NDArray[np.float32]]:
         """Copy the policy's weights to the host: the moving average of them, or the newest."""
         return to_arrays(self.average if averaged and self.config.learner.average_decay > 0 else self.policy)

@@ -210,7 +210,9 @@ class ReferenceMapper:
             self.visited.add(robot)
         nodes = self._reachable(robot)
         self.nodes = nodes
-        utility = [self.all_counts[v] if self.all_counts[v] >= config.min_utility else 0 for v in nodes]
+        enough = max((self.all_counts[v] for v in nodes), default=0) >= config.min_utility
+        threshold = config.min_utility if enough else min(config.least_utility, config.min_utility)
+        utility = [self.all_counts[v] if self.all_counts[v] >= threshold else 0 for v in nodes]
         beacon = self._beacons(nodes, utility, points)
         has_target = self.target is not None
         links: list[int] = []

@@ -101,7 +101,8 @@ def test_equals_the_reference_after_every_step(
         viewpoint_spacing=spacing,
         utility_range=float(rng.choice([2.5, 6.0])),
         beacon_range=float(rng.choice([3.0, 20.0])),
-        min_utility=int(rng.integers(1, 4)),
+        min_utility=int(rng.choice([1, 2, 3, 12])),
+        least_utility=int(rng.integers(1, 4)),
     )
     mapper = Mapper(config, lattice_origin=lattice, bounds=bounds, target=target)
     reference = ReferenceMapper(config, lattice, origin if with_bounds else lattice, target)
