@@ -32,7 +32,7 @@ from actors.tasks import make_task
 from common.config.schema import RewardConfig
 from common.errors import HDError
 from common.logs import setup_logging
-from common.planners.base import Planner
+from common.planners.base import Planner, mapping_for
 
 log = logging.getLogger(__name__)
 
@@ -101,7 +101,7 @@ class Worker:
         settings = self._settings
         environment = Environment(
             self._simulator,
-            settings.mapping,
+            mapping_for(planner, settings.task.name, settings.mapping),
             make_task(settings.task),
             RewardConfig(),
             settings.task.max_steps if steps is None else steps,

@@ -61,6 +61,21 @@ class MappingConfig(Section):
         """Range within which a viewpoint observes frontiers, metres."""
         return self.sensor_range if self.utility_range is None else self.utility_range
 
+    def with_planning_set_of(self, other: MappingConfig) -> MappingConfig:
+        """Return this mapping with the utilities and beacons of another: in its share of the sensor range, and by its
+        metres of frontier.
+        """
+        scale = self.sensor_range / other.sensor_range
+        cells = other.resolution / self.resolution
+        return self.model_copy(
+            update={
+                "utility_range": None if other.utility_range is None else scale * other.utility_range,
+                "min_utility": max(1, round(cells * other.min_utility)),
+                "least_utility": max(1, round(cells * other.least_utility)),
+                "beacon_range": scale * other.beacon_range,
+            }
+        )
+
     @model_validator(mode="after")
     def _spacing_fits_resolution(self) -> MappingConfig:
         if self.viewpoint_spacing < 2 * self.resolution:

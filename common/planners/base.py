@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
+from common.config.schema import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 
@@ -73,3 +74,17 @@ class Planner(Protocol):
     def plan(self, mapper: Mapper, pose: Pose) -> Plan:
         """Decide; the mapper has taken in the newest scan and was updated at this pose."""
         ...
+
+
+@runtime_checkable
+class HasPlanningSet(Protocol):
+    """A planner that needs utilities and beacons by rules of its own, such as a policy that was trained with them."""
+
+    def mapping_for(self, task: TaskName) -> MappingConfig:
+        """Return the mapping to give it for a task."""
+        ...
+
+
+def mapping_for(planner: object, task: TaskName, config: MappingConfig) -> MappingConfig:
+    """Return the mapping that a planner needs: its own where it has one, else the given."""
+    return planner.mapping_for(task) if isinstance(planner, HasPlanningSet) else config

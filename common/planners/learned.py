@@ -15,7 +15,7 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.observation import Observation
 from common.planners.base import Plan, Position, Status, TaskName
-from common.planners.lattice import LONGEST_EDGE, TOLERANCE, ScannedViewpoints, check_task, nothing_left
+from common.planners.lattice import ScannedViewpoints, check_task, first_legs, nothing_left
 from common.policy import Policy
 from common.policy_file import PolicyCard, read_policy
 from common.shipped import shipped_policy, shipped_tasks
@@ -110,6 +110,11 @@ class LearnedPlanner:
         trained = shipped_tasks() if self.card is None or self._shipped else self.card.tasks
         return frozenset(task for task in TASKS if task in trained)
 
+    def mapping_for(self, task: TaskName) -> MappingConfig:
+        """Return the mapping to give it: the configured one, with utilities and beacons as the policy learnt them."""
+        card = self._read_shipped(task)[1] if self._shipped else self.card
+        return self._config if card is None else self._config.with_planning_set_of(card.mapping)
+
     def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
         """Begin an episode: forget everything; greedy decisions need no chance, so the seed changes nothing.
 
@@ -119,10 +124,7 @@ class LearnedPlanner:
         del target, seed
         check_task(self.name, self.tasks, task)
         if self._shipped:
-            if task not in self._held:
-                self._held[task] = read_policy(shipped_policy(task))
-                _warn_of_other_mapping(self._held[task][1], self._config)
-            self.policy, self.card = self._held[task]
+            self.policy, self.card = self._read_shipped(task)
         self._forget()
 
     def plan(self, mapper: Mapper, pose: Pose) -> Plan:
@@ -156,11 +158,15 @@ class LearnedPlanner:
             decision.beacon_probabilities,
         )
         waypoint, beacon = mapper.position(decision.waypoint), mapper.position(decision.beacon)
-        node = mapper.position(mapper.robot)
-        if pose.distance_to(node) > TOLERANCE and not self._direct(mapper, pose, waypoint):
-            # A robot beside its viewpoint, and not in line with the next one, drives onto its own first.
-            return Plan(Status.GOING, waypoint=node, beacon=beacon, path=[waypoint])
-        return Plan(Status.GOING, waypoint=waypoint, beacon=beacon)
+        route = [mapper.position(mapper.robot), waypoint]
+        legs = first_legs(mapper, pose, route, self._config.viewpoint_spacing)
+        return Plan(Status.GOING, waypoint=legs[0], beacon=beacon, path=legs[1:])
+
+    def _read_shipped(self, task: TaskName) -> tuple[Policy, PolicyCard]:
+        if task not in self._held:
+            self._held[task] = read_policy(shipped_policy(task))
+            _warn_of_other_mapping(self._held[task][1], self._config)
+        return self._held[task]
 
     def _forget(self) -> None:
         self._random = np.random.default_rng(0)
@@ -169,10 +175,6 @@ class LearnedPlanner:
         self._known_cells = -1
         self.rule_applied = 0
         self.attention = None
-
-    def _direct(self, mapper: Mapper, pose: Pose, waypoint: Position) -> bool:
-        reach = LONGEST_EDGE * self._config.viewpoint_spacing + TOLERANCE
-        return pose.distance_to(waypoint) <= reach and mapper.segment_free(pose.position, waypoint)
 
     def _note_visit(self, mapper: Mapper) -> None:
         """Count that the robot is at its viewpoint; new cells make all earlier visits void."""
@@ -205,7 +207,12 @@ def bare_planner(config: MappingConfig, *, policy: str | Path | None = None) -> 
 
 
 def _warn_of_other_mapping(card: PolicyCard, config: MappingConfig) -> None:
-    trained, given = card.mapping.model_dump(), config.model_dump()
-    differing = [f"{name} {trained[name]} (here {given[name]})" for name in given if trained[name] != given[name]]
+    trained, given = card.mapping.model_dump(), config.with_planning_set_of(card.mapping).model_dump()
+    scaled = ("utility_range", "min_utility", "least_utility", "beacon_range")
+    differing = [
+        f"{name} {trained[name]} (here {given[name]})"
+        for name in given
+        if name not in scaled and trained[name] != given[name]
+    ]
     if differing:
         log.warning("the policy of run %r was trained with another mapping: %s", card.run, ", ".join(differing))

@@ -26,7 +26,7 @@ from deploy.bridge.outcome import Outcome
 from deploy.bridge.outputs import Outputs
 from deploy.bridge.problems import LastProblem
 from deploy.bridge.reporter import Reporter
-from deploy.bridge.team import make_team
+from deploy.bridge.team import make_team, with_planning_set
 from deploy.bridge.warmup import warm_up
 from deploy.config import DeployConfig
 from deploy.mapping import RobotMap
@@ -102,7 +102,7 @@ class Bridge(Closing):
         self._team = make_team(config)
         self._mission = Mission(config.decision.task, config.decision.goal)
         warm_up(config, self._team.members(config.decision.task))
-        self._map = RobotMap(config, config.decision.goal)
+        self._map = RobotMap(with_planning_set(config, self._team), config.decision.goal)
         self._health = HealthMonitor(config.safety, sensor=config.sensing.source)
         self._inputs = Inputs(config, self._map, self._health)
         self._loop = DecisionLoop(config, self._map, self._team, self._mission, self._health)

@@ -8,7 +8,7 @@ from typing import Any
 from common.errors import ConfigError, HDError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
-from common.planners.base import Plan, Planner, Position, TaskName
+from common.planners.base import Plan, Planner, Position, TaskName, mapping_for
 from common.planners.registry import make_planner, planner_tasks
 from deploy.config import DeployConfig
 
@@ -119,6 +119,12 @@ class PlannerTeam:
             failure = f"planner {planner.name} failed: {type(error).__name__}: {error}"
             self.relieve(now, failure)
             raise PlannerError(failure) from error
+
+
+def with_planning_set(config: DeployConfig, team: PlannerTeam) -> DeployConfig:
+    """Return the configuration whose mapping suits the planner in charge: a policy brings rules of its own."""
+    mapping = mapping_for(team.main, config.decision.task, config.mapping)
+    return config.model_copy(update={"mapping": mapping})
 
 
 def make_team(config: DeployConfig, main: Planner | None = None) -> PlannerTeam:

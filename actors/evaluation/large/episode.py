@@ -20,7 +20,7 @@ from common.config.schema import RewardConfig
 from common.geometry import Pose
 from common.mapping.inflated import InflatedMapper
 from common.mapping.mapper import Mapper
-from common.planners.base import Plan, Planner, Position, TaskName
+from common.planners.base import Plan, Planner, Position, TaskName, mapping_for
 
 Decider = Planner | OmniscientReference
 
@@ -197,7 +197,7 @@ class EpisodeRunner:
         settings = self._settings
         environment = Environment(
             self._simulator,
-            settings.mapping,
+            mapping_for(planner, settings.task.name, settings.mapping),
             make_task(settings.task),
             RewardConfig(),
             settings.task.max_steps if steps is None else steps,

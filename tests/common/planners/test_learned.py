@@ -4,7 +4,7 @@ import pytest
 from common.config.schema import MappingConfig, NetworkConfig
 from common.errors import CheckpointError, ConfigError
 from common.network.parameters import initial_parameters
-from common.planners.base import Status
+from common.planners.base import Status, mapping_for
 from common.planners.learned import LearnedPlanner
 from common.planners.registry import make_planner
 from common.policy_file import PolicyCard, write_policy
@@ -88,3 +88,15 @@ def test_another_mapping_is_warned_of(policy, caplog):
     LearnedPlanner(MappingConfig(resolution=0.5, sensor_range=12.0), policy=policy)
     assert "sensor_range 20.0 (here 12.0)" in caplog.text
     assert np.isfinite(LearnedPlanner(CONFIG, policy=policy).card.version)
+
+
+def test_a_policy_brings_the_utilities_that_it_was_trained_with(tmp_path):
+    trained = MappingConfig(resolution=0.25, utility_range=16.0, min_utility=8, least_utility=2)
+    card = PolicyCard("test", "exploration", NETWORK, trained, 1, 0, 0, False, "abc", "now")
+    path = tmp_path / "policy.safetensors"
+    write_policy(path, initial_parameters(NETWORK, 0), card)
+    given = MappingConfig(resolution=0.5, sensor_range=10.0, beacon_range=10.0)
+    mapping = mapping_for(LearnedPlanner(given, policy=path), "exploration", given)
+    assert (mapping.utility_range, mapping.min_utility, mapping.least_utility) == (8.0, 4, 1)
+    assert (mapping.resolution, mapping.sensor_range, mapping.beacon_range) == (0.5, 10.0, 10.0)
+    assert mapping_for(make_planner("greedy", given), "exploration", given) is given
