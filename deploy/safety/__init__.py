@@ -1,7 +1,7 @@
 """What keeps the robot safe when anything fails."""
 
 from deploy.safety.blacklist import Blacklist
-from deploy.safety.gate import VelocityGate
+from deploy.safety.gate import SafetyError, VelocityGate, behind_watchdog
 from deploy.safety.gate_state import GateMode, GateState
 from deploy.safety.geofence import Geofence
 from deploy.safety.health import Fault, FaultKind, HealthMonitor
@@ -23,5 +23,7 @@ __all__ = [
     "Loop",
     "LoopDetector",
     "ProgressMonitor",
+    "SafetyError",
     "VelocityGate",
+    "behind_watchdog",
 ]

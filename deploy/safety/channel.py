@@ -49,7 +49,8 @@ class Channel(Closing):
             except BlockingIOError:
                 return packets
             except ConnectionResetError:
-                data = b""
+                # The other end was closed with packets unread; what it sent before that still follows, once.
+                continue
             if not data:
                 if packets:
                     return packets  # the end of the stream is still there for the next call

@@ -9,6 +9,7 @@ import numpy as np
 
 from deploy.config import DeployConfig
 from deploy.ros2 import LATCHED, SENSOR, Node, header, message
+from deploy.safety import behind_watchdog
 from tests.common.bus.processes import free_port, python
 
 ZERO = (0.0, 0.0)
@@ -50,7 +51,9 @@ class Robot(contextlib.ExitStack):
     def __enter__(self):
         super().__enter__()
         config, topics = self.config, self.config.topics
-        ros = config.ros.model_copy(update={"listen": config.ros.connect, "connect": ()})
+        ros = config.ros
+        # Without a router of its own, the robot connects to the bridge's side.
+        ros = behind_watchdog(ros) if ros.listen else ros.model_copy(update={"listen": ros.connect, "connect": ()})
         node = self.enter_context(Node(ros, "robot"))
         if topics.velocity:
             node.subscribe(topics.velocity, f"geometry_msgs/msg/{config.driving.message}", self._moved)
@@ -126,7 +129,7 @@ import json, logging, sys, threading
 from common.logs import setup_logging
 from deploy.config import DeployConfig
 from deploy.ros2 import Node
-from deploy.safety import VelocityGate
+from deploy.safety import VelocityGate, behind_watchdog
 
 setup_logging("info")
 config = DeployConfig.model_validate_json(sys.argv[1])
@@ -136,7 +139,7 @@ def work():
         if wish is not None:
             gate.wish(*wish)
 ended = threading.Event()
-with VelocityGate(config) as gate, Node(config.ros) as node:
+with VelocityGate(config) as gate, Node(behind_watchdog(config.ros)) as node:
     gate.use_when_watchdog_dies(node)
     thread = threading.Thread(target=work, daemon=True)
     thread.start()

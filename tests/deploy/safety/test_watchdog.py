@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.common.bus.processes import eventually
+from tests.common.bus.processes import eventually, free_port
 from tests.deploy.safety.robot import ZERO, Robot, bridge, configuration
 
 LIMIT = 0.5
@@ -180,6 +180,33 @@ def test_dead_watchdog_is_replaced_and_the_latch_stays(driving):
     other.tell("release")
     assert eventually(lambda: robot.velocity() == (1.0, 0.2))
     other.watchdog = other.state()["pid"]
+
+
+@pytest.mark.slow
+def test_robot_that_connects_to_the_bridge_is_stopped_when_the_bridge_dies():
+    port = free_port()
+    config = configuration(ros={"connect": (), "listen": (f"tcp/0.0.0.0:{port}",)})
+    with bridge(config) as other, Robot(config) as robot:
+        assert eventually(lambda: robot.velocity() == (1.0, 0.2), 60.0)
+        now = time.monotonic()
+        os.kill(other.pid, signal.SIGKILL)
+        report("bridge that listens killed", robot.time_to_zero(now))
+
+
+@pytest.mark.slow
+def test_old_watchdog_gives_way_to_that_of_a_new_bridge():
+    config = configuration(safety={"zero_for": 60.0})
+    with Robot(config) as robot, bridge(config) as old:
+        assert eventually(lambda: robot.velocity() == (1.0, 0.2), 60.0)
+        os.kill(old.pid, signal.SIGKILL)
+        robot.time_to_zero(time.monotonic())
+        with bridge(config):
+            assert eventually(lambda: not alive(old.watchdog), 30.0)
+            assert eventually(lambda: robot.velocity() == (1.0, 0.2), 30.0)
+            time.sleep(0.3)
+            since = time.monotonic()
+            time.sleep(0.5)
+            assert {value for when, value in robot.velocities if when > since} == {(1.0, 0.2)}
 
 
 @pytest.mark.slow
