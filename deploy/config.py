@@ -293,6 +293,16 @@ class SafetyConfig(Section):
         return self
 
 
+class RobotMappingConfig(MappingConfig):
+    """Belief, viewpoint graph, utility and beacons, at the scale of the paper's robot."""
+
+    # Defaults of their own: setting one of the others must leave these as they are.
+    resolution: Positive = 0.2
+    """Belief cell, metres."""
+    viewpoint_spacing: Positive = 1.0
+    """Distance between neighbouring viewpoints of the lattice, metres."""
+
+
 class DeployConfig(Section):
     """A whole bridge."""
 
@@ -304,7 +314,7 @@ class DeployConfig(Section):
     """Coordinate frames."""
     topics: TopicsConfig = Field(default_factory=TopicsConfig)
     """Topic names."""
-    mapping: MappingConfig = Field(default_factory=lambda: MappingConfig(resolution=0.2, viewpoint_spacing=1.0))
+    mapping: RobotMappingConfig = Field(default_factory=RobotMappingConfig)
     """Belief, viewpoint graph, utility and beacons; the paper's robot has 0.2 m cells and viewpoints 1 m apart."""
     sensing: SensingConfig = Field(default_factory=SensingConfig)
     """How sensor messages become the belief."""
