@@ -131,24 +131,35 @@ def check_task(name: str, tasks: frozenset[TaskName], task: TaskName) -> None:
 
 
 def lead_to(mapper: Mapper, pose: Pose, stops: list[int], spacing: float) -> Plan:
-    """Return the plan that goes one edge towards the first stop.
-
-    A robot beside its viewpoint cuts the corner where the second viewpoint of the path is in sight and near enough,
-    and drives onto its own viewpoint otherwise.
-    """
+    """Return the plan that goes one edge towards the first stop; see `first_legs` for a robot beside its viewpoint."""
     route = [mapper.robot]
     for stop in stops:
         route += mapper.path(route[-1], stop)[1:]
-    places = [mapper.position(node) for node in route]
-    if pose.distance_to(places[0]) <= TOLERANCE or (
-        len(places) > 1
-        and pose.distance_to(places[1]) <= LONGEST_EDGE * spacing + TOLERANCE
-        and mapper.segment_free(pose.position, places[1])
-    ):
-        del places[0]
+    places = first_legs(mapper, pose, [mapper.position(node) for node in route], spacing)
     if not places:
         return Plan(Status.COMPLETE, reason="the robot stands on the only viewpoint that is left to visit")
     return Plan(Status.GOING, waypoint=places[0], beacon=mapper.position(stops[0]), path=places[1:])
+
+
+def first_legs(mapper: Mapper, pose: Pose, route: list[Position], spacing: float) -> list[Position]:
+    """Return where to drive so as to follow a route that begins at the robot's viewpoint, metres.
+
+    A robot beside its viewpoint cuts the corner where the next place of the route is in sight and near enough. One
+    that has stopped almost on its viewpoint, as real ones do, can be a little too far for the longest edge: it drives
+    as far as it may. Otherwise it drives onto its own viewpoint first.
+    """
+    beside = pose.distance_to(route[0])
+    if beside <= TOLERANCE:
+        return route[1:]
+    if len(route) > 1:
+        distance, longest = pose.distance_to(route[1]), LONGEST_EDGE * spacing
+        there = route[1]
+        if distance > longest + TOLERANCE and beside <= ON_VIEWPOINT * spacing + TOLERANCE:
+            share = longest / distance
+            there = (pose.x + share * (there[0] - pose.x), pose.y + share * (there[1] - pose.y))
+        if pose.distance_to(there) <= longest + TOLERANCE and mapper.segment_free(pose.position, there):
+            return [there, *route[2:]]
+    return route
 
 
 def nothing_left(useful: int) -> str:

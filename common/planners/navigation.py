@@ -13,7 +13,7 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.grid_search import NO_WAY, UNITS
-from common.planners.lattice import LONGEST_EDGE, MAX_ATTEMPTS, ON_VIEWPOINT, TOLERANCE, check_task
+from common.planners.lattice import LONGEST_EDGE, MAX_ATTEMPTS, ON_VIEWPOINT, check_task, first_legs
 from common.planners.optimistic import OptimisticLattice
 
 # Decisions in a row from one place, whatever they were, before the robot counts as stuck.
@@ -133,11 +133,7 @@ class LatticeNavigator(NavigationPlanner):
         places = [self.lattice.position(node) for node in path]
         # The robot's node as the mapper gives it, and the target as it was given: without the lattice's rounding.
         places[0] = viewpoint
-        places.append(target)
-        if pose.distance_to(viewpoint) <= TOLERANCE or (
-            pose.distance_to(places[1]) <= self._longest + TOLERANCE and mapper.segment_free(pose.position, places[1])
-        ):
-            del places[0]
+        places = first_legs(mapper, pose, [*places, target], self.config.viewpoint_spacing)
         metres = units / UNITS * self.config.viewpoint_spacing
         return Plan(Status.GOING, waypoint=places[0], beacon=target, path=places[1:], reason=f"{metres:.1f} m at best")
 

@@ -68,10 +68,12 @@ def drive(
     max_steps: int = 128,
     rays: int = 720,
     bounded: bool = True,
+    slack: float = 0.0,
 ) -> Episode:
     """Drive until the task is complete, the planner ends or the steps are used up; every waypoint is checked.
 
-    Unless it is `bounded`, the belief starts as a grid without cells and grows.
+    Unless it is `bounded`, the belief starts as a grid without cells and grows. The robot stops `slack` metres before
+    its waypoints, and does not move for less, as real ones do.
     """
     simulator = GridSimulator(SimulatorConfig(name="grid", rays=rays), config.sensor_range)
     pose = simulator.reset(world, seed)
@@ -104,7 +106,9 @@ def drive(
         length = pose.distance_to(plan.waypoint)
         assert 0.0 < length <= LIMIT * config.viewpoint_spacing + 1e-6, (pose, plan.waypoint)
         assert mapper.segment_free(pose.position, plan.waypoint), (pose, plan.waypoint)
-        leg = simulator.drive_to(plan.waypoint)
+        share = max(1.0 - slack / length, 0.0)
+        x, y = pose.x + share * (plan.waypoint[0] - pose.x), pose.y + share * (plan.waypoint[1] - pose.y)
+        leg = simulator.drive_to((x, y) if slack else plan.waypoint)
         assert leg.reached
         pose = leg.pose
         episode.distance += leg.distance

@@ -69,6 +69,22 @@ def test_exploration_ends(name: str, rows: list[str], policies: dict[TaskName, P
     assert episode.explored > 0.98
 
 
+@pytest.mark.parametrize("name", [name for name in EXPLORERS if name not in LEARNED])
+def test_exploration_by_a_robot_that_stops_short(name: str, policies: dict[TaskName, Path]) -> None:
+    """The longest edges of the lattice are a little too long for it, and its own viewpoint too near to drive to."""
+    world = drawn(["########", "#S.....#", "#####..#", "#......#", "#......#", "########"])
+    episode = explore(make(name, "exploration", policies), world, CONFIG, unseen_area=4.0, max_steps=STEPS, slack=0.15)
+    assert episode.complete, episode.reason
+    assert episode.distance < 80.0
+
+
+@pytest.mark.parametrize("name", [name for name in NAVIGATORS if name not in LEARNED])
+def test_navigation_by_a_robot_that_stops_short(name: str, policies: dict[TaskName, Path]) -> None:
+    episode = navigate(make(name, "navigation", policies), drawn(DEAD_END), CONFIG, slack=0.15)
+    assert episode.complete, episode.reason
+    assert episode.distance <= 60.0
+
+
 @pytest.mark.parametrize("name", [name for name in EXPLORERS if name != "hdplanner-bare"])
 def test_a_frontier_that_no_scan_resolves_holds_nobody_forever(name: str, policies: dict[TaskName, Path]) -> None:
     """As over a drop: the belief promises something there, and no scan ever tells more."""
