@@ -99,6 +99,7 @@ class Bridge(Closing):
         config, enter = self._config, self._parts.enter_context
         sys.setswitchinterval(_SWITCH_INTERVAL)
         Geofence(config.safety.geofence)
+        self._live = enter(LivePolicy(config)) if config.decision.live_run is not None else None
         self._team = make_team(config)
         self._mission = Mission(config.decision.task, config.decision.goal)
         warm_up(config, self._team.members(config.decision.task))
@@ -107,7 +108,6 @@ class Bridge(Closing):
         self._inputs = Inputs(config, self._map, self._health)
         self._loop = DecisionLoop(config, self._map, self._team, self._mission, self._health)
         self._metrics = Metrics()
-        self._live = enter(LivePolicy(config)) if config.decision.live_run is not None else None
         self._gate = enter(VelocityGate(config))
         node = enter(Node(behind_watchdog(config.ros), remap=config.topics.remap))
         self._gate.use_when_watchdog_dies(node)

@@ -1,0 +1,139 @@
+"""What a user of `hd-deploy` types and reads."""
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+import tomllib
+
+import pytest
+from typer.testing import CliRunner
+
+from common.config.describe import to_toml
+from deploy.bridge.bridge import Bridge
+from deploy.cli import app
+from tests.common.bus.processes import ROOT, eventually, free_port
+from tests.common.planners.worlds import DEAD_END
+from tests.deploy.bridge.robots import FakeRobot, network
+
+MAPPING = {"resolution": 0.25, "viewpoint_spacing": 2.0, "sensor_range": 10.0, "beacon_range": 10.0}
+
+
+def run(*words):
+    return CliRunner().invoke(app, list(words))
+
+
+def test_config_prints_what_it_reads(tmp_path):
+    result = run("config", "--profile", "cmu", "--set", "decision.planner=tare")
+    assert result.exit_code == 0
+    tree = tomllib.loads(result.stdout)
+    assert (tree["topics"]["waypoint"], tree["decision"]["planner"]) == ("/way_point", "tare")
+    file = tmp_path / "robot.toml"
+    file.write_text(result.stdout)
+    assert run("config", "--config", str(file)).stdout == result.stdout
+    assert "safety.speed_limit" in run("config", "--describe").stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["config", "--profile", "husky"], "unknown profile 'husky'"),
+        (["config", "--set", "decision.planer=x"], "did you mean 'decision.planner'"),
+        (["bridge", "--planner", "nonsense"], "there is no planner 'nonsense'"),
+        (["bridge", "--goal", "1,2", "--planner", "greedy"], "does not do navigation"),
+        (["bridge", "--planner", "greedy", "--policy", "x.safetensors"], "decision.policy is for hdplanner"),
+        (["bridge", "--policy", "/nowhere/x.safetensors"], "cannot read the policy"),
+        (["bridge", "--set", "safety.geofence=[[0,0],[2,2],[2,0],[0,2]]"], "sides do not cross"),
+        (["bridge", "--set", "decision.live_run=office"], "live_connect"),
+        (["command", "goal", "1"], "goal X Y"),
+    ],
+)
+def test_a_mistake_is_one_line_and_a_non_zero_exit(words, message):
+    result = run(*words)
+    assert result.exit_code == 1
+    assert message in result.stderr
+    assert "Traceback" not in result.output
+
+
+def test_a_command_to_nobody_says_where_it_asked():
+    result = run("command", "start", "--connect", f"tcp/127.0.0.1:{free_port()}", "--timeout", "0.5")
+    assert result.exit_code == 1
+    assert "no robot 'robot' answered within 0.5 s" in result.stderr
+    assert "asked at tcp/127.0.0.1" in result.stderr
+
+
+def test_commands_reach_a_bridge_and_topics_shows_it():
+    router, config = network(mapping=MAPPING, decision={"task": "navigation", "planner": "astar"})
+    endpoint = config.ros.connect[0]
+    stop = threading.Event()
+    with FakeRobot(DEAD_END, router), Bridge(config) as bridge:
+        thread = threading.Thread(target=bridge.run, args=(stop,))
+        thread.start()
+        try:
+            told = run("command", "goal", "26", "-2.5", "--connect", endpoint)
+            assert told.exit_code == 0, told.output
+            assert told.stdout.startswith("robot: idle")
+            status = json.loads(run("command", "status", "--json", "--connect", endpoint).stdout)
+            assert status["target"] == [26.0, -2.5]
+            assert "planner" in run("command", "status", "--connect", endpoint).stdout
+            refused = run("command", "resume", "--connect", endpoint)
+            assert refused.exit_code == 1
+            assert "nothing to resume" in refused.stderr
+            seen = run("topics", "--connect", endpoint)
+            assert seen.exit_code == 0, seen.output
+            assert "/hd_bridge" in seen.stdout
+            assert "/scan" in seen.stdout
+            assert "nobody publishes" not in seen.stdout
+            lacking = run("topics", "--profile", "cmu", "--connect", endpoint)
+            assert "nobody publishes what the bridge needs: /registered_scan" in lacking.stdout.replace("\n", " ")
+        finally:
+            stop.set()
+            thread.join()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_a_bridge_process_explores_and_ends_on_sigterm_with_the_robot_stopped(tmp_path):
+    router, config = network(mapping=MAPPING, decision={"autostart": True})
+    file = tmp_path / "robot.toml"
+    file.write_text(to_toml(config))
+    with FakeRobot(DEAD_END, router) as robot:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "deploy.cli", "bridge", "--config", str(file)],
+            cwd=ROOT,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            assert eventually(lambda: robot.status.get("state") == "finished", 200)
+            assert robot.status["reason"].startswith(("no frontier", "1 frontier"))
+            assert robot.status["distance"] > 15.0
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(20) == 0
+        finally:
+            process.kill()
+            errors = process.communicate()[1]
+    assert "Traceback" not in errors
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_the_robot_stops_when_the_bridge_is_killed(tmp_path):
+    router, config = network(mapping=MAPPING, decision={"autostart": True})
+    file = tmp_path / "robot.toml"
+    file.write_text(to_toml(config))
+    with FakeRobot(DEAD_END, router, speed=0.3) as robot:
+        process = subprocess.Popen([sys.executable, "-m", "deploy.cli", "bridge", "--config", str(file)], cwd=ROOT)
+        try:
+            assert eventually(lambda: bool(robot.waypoints) and robot.stops[-1][1] == 0, 120)
+        finally:
+            process.kill()
+        killed = time.monotonic()
+        process.wait()
+        assert eventually(lambda: robot.stops[-1][1] == 2, 10)
+        assert robot.stops[-1][0] - killed < 5.0
+        here = robot.pose
+        time.sleep(0.5)
+        assert robot.pose == here
