@@ -27,7 +27,7 @@ StampedTransform = tuple[float, str, str, tuple[float, float, float], tuple[floa
 # Messages that may wait for a pose, and beams that may wait for the map: two and five seconds at 10 Hz.
 MAX_WAITING: Final = 20
 MAX_READY: Final = 50
-# A sensor's frame may come on /tf_static so much later than its first message, seconds.
+# A sensor's frame may come on /tf_static so much later than its first message, seconds; messages wait for it.
 FRAME_PATIENCE: Final = 1.0
 # A stamp that lies so much further back than the newest one means that the clock was set back, seconds.
 CLOCK_JUMP: Final = 10.0
@@ -82,6 +82,7 @@ class Intake:
         self._tree = TransformTree()
         self._waiting: deque[_Waiting] = deque()
         self._clock = float("-inf")
+        self._first_of_frame: dict[str, float] = {}
         self.received = 0
         self.dropped: Counter[str] = Counter()
         self.problem = ""
@@ -133,7 +134,11 @@ class Intake:
 
     def add_scan(self, time: float, scan: Scan, frame: str) -> None:
         """Add a scan."""
-        self._enqueue(_Waiting(time, scan, frame))
+        if scan.range_max > 0.0:
+            self._enqueue(_Waiting(time, scan, frame))
+        else:
+            self.received += 1
+            self.drop("scan refused", f"a scan needs a range_max above 0, got {scan.range_max}: correct the driver")
 
     def add_points(self, time: float, points: NDArray[np.float32], frame: str) -> None:
         """Add a point cloud."""
@@ -208,7 +213,9 @@ class Intake:
         age = self._clock - message.time
         if newest < message.time and age <= self._sensing.pose_tolerance:
             return True
-        return self._by_tf and message.frame != "" and self._mount(message) is None and age <= FRAME_PATIENCE
+        first = self._first_of_frame.setdefault(message.frame, message.time)
+        patient = self._by_tf and message.frame != "" and 0.0 <= message.time - first <= FRAME_PATIENCE
+        return patient and age <= FRAME_PATIENCE and self._mount(message) is None
 
     def _mount(self, message: _Waiting) -> Transform | None:
         """Where the sensor sits on the base, by TF."""

@@ -56,7 +56,9 @@ class OctoMap:
         points = cloud.transform.apply(cloud.points[:, :3].astype(np.float64))
         away = points - np.array(cloud.sensor)
         distance = np.sqrt((away**2).sum(axis=1))
-        points = points[(distance >= self._config.range_min) & np.isfinite(distance)]
+        told = (distance >= self._config.range_min) & np.isfinite(distance)
+        # A return just before a voxel's border is one of the voxel behind it, as for the log-odds.
+        points = points[told] + away[told] * (self._config.range_noise / distance[told])[:, None]
         if len(points) == 0:
             return
         self._tree.insertPointCloud(

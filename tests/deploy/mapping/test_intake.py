@@ -130,6 +130,22 @@ def test_a_scan_waits_a_moment_for_its_frame_on_tf_static():
     assert intake.obstacles()[0] == pytest.approx([14.0, 0.0])
 
 
+def test_a_frame_that_never_comes_delays_the_first_second_alone():
+    intake = tf_intake(sensor_offset=(0.5, 0.0, 0.0))
+    for k in range(100):
+        stamp = 1.0 + k / 20
+        intake.add_transforms([(stamp, "map", "odom", (10.0, 0.0, 0.0), UPRIGHT)], False)
+        intake.add_transforms([(stamp, "odom", "base_link", (1.0, 0.0, 0.1), UPRIGHT)], False)
+        if k % 2 == 0:
+            intake.add_scan(stamp, SCAN, "lidar")
+            intake.resolve()
+            if stamp <= 1.95:
+                assert not intake.ready
+    assert intake.waiting == 0
+    assert intake.obstacles()[0] == pytest.approx([14.5, 0.0])
+    assert intake.dropped == {}
+
+
 @pytest.mark.parametrize("frame", ["map", "sensor"])
 def test_clouds_stand_where_the_walls_are(frame):
     free, pose = room(), Pose(5.0, 5.0, 0.7)
@@ -168,7 +184,8 @@ def test_messages_that_are_none_are_counted():
     intake = Intake(configure())
     intake.add_pose(1.0, Pose(float("nan"), 0.0), 0.0)
     intake.add_scan(float("nan"), SCAN, "")
+    intake.add_scan(1.0, Scan(SCAN.ranges, 0.0, 0.1, 0.0), "")
     intake.add_points(1.0, np.zeros((3, 2), dtype=np.float32), "")
     intake.add_transforms([(1.0, "map", "odom", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))], False)
-    assert sum(intake.dropped.values()) == 4
+    assert sum(intake.dropped.values()) == 5
     assert intake.obstacles() is None
