@@ -20,7 +20,8 @@ _SEARCH_PERIOD: Final = 0.5
 # otherwise take turns while the robot turns to and fro between them.
 _SHORTER: Final = 0.8
 _LOST: Final = 0.6
-_BEGIN: Final = 6
+_NEXT: Final = 8
+_JOINED: Final = 0.4
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,19 +87,12 @@ class CourseFinder:
         distances, places = distances[:known], places[:known]
         blocked = costmap.distances(places) < costmap.passage
         if blocked.any():
-            first = int(np.argmax(blocked))
-            free = np.flatnonzero(~blocked[first:]) + first
-            # Join the path behind all that blocks it; if that cannot be reached, behind the first of it.
-            last = len(blocked) - int(np.argmax(blocked[::-1]))
-            ends = [
-                (places[index], remaining - float(distances[index]))
-                for index in (last, *free[:1])
-                if index < len(blocked)
-            ]
-            way = self._around(position, ends, now)
+            joints = _joints(blocked, distances >= aside - 1e-9)
+            way = self._around(position, [(places[at], remaining - float(distances[at])) for at in joints], now)
             if way is not None:
                 return Course(self._ahead(way, reach), way.remaining)
             # Come closer: from there it may look different.
+            first = int(np.argmax(blocked))
             distances, places = distances[:first], places[:first]
         for part in (1.0, 0.7, 0.4):
             index = min(int(np.searchsorted(distances, part * reach)), len(distances) - 1)
@@ -106,9 +100,11 @@ class CourseFinder:
                 if not blocked.any():
                     self.forget()
                 return Course(_position(places[index]), remaining)
+        if blocked.any() or not len(places):
+            return Course(None, remaining)
         # The path is free, but the robot stands where no straight line leads to it.
-        near = slice(min(len(places), round(reach / _PATH_STEP)) - 1, None) if len(places) else slice(0)
-        way = self._around(position, [(place, remaining - reach) for place in places[near][:1]], now)
+        at = min(len(places) - 1, round(reach / _PATH_STEP))
+        way = self._around(position, [(places[at], remaining - float(distances[at]))], now)
         return Course(None if way is None else self._ahead(way, reach), remaining)
 
     def _around(self, position: Position, ends: list[tuple[NDArray[np.float64], float]], now: float) -> _Way | None:
@@ -129,19 +125,18 @@ class CourseFinder:
     def _kept(self, position: Position) -> _Way | None:
         if self._way is None:
             return None
-        places = np.array(self._way.places)
+        # The first place is where the robot was.
+        places = np.array(self._way.places[1:])
         gaps = np.hypot(places[:, 0] - position[0], places[:, 1] - position[1])
-        # Only its begin: the far side of a thin wall is near as well.
-        nearest = int(np.argmin(gaps[:_BEGIN]))
-        if gaps[nearest] > _LOST:
+        # Only the next few: the far side of a thin wall is near as well.
+        nearest = int(np.argmin(gaps[:_NEXT]))
+        if gaps[nearest] > _LOST or gaps[-1] < _JOINED or nearest == len(gaps) - 1:
             return None
         rest = places[nearest + 1 :]
         far = gaps[nearest + 1 :] > self._costmap.room
         # Somewhat less room than a new way needs: measured points tremble.
         room = 2.0 * self._costmap.room - self._costmap.passage
         if (self._costmap.distances(rest[far]) < room).any():
-            return None
-        if not len(rest):
             return None
         return _Way([position, *map(_position, rest)], self._way.beyond)
 
@@ -156,6 +151,19 @@ class CourseFinder:
                 chosen = place
         # In a tight place no line is free by all of the room, and the dynamic window finds what is.
         return chosen or way.places[min(2, len(way.places) - 1)]
+
+
+def _joints(blocked: NDArray[np.bool_], on_path: NDArray[np.bool_]) -> list[int]:
+    """Return where a way around should join the path: behind all that blocks it, else behind the first of it.
+
+    Before the path lies the straight line from the robot to it; that is joined only when nothing else is near.
+    """
+    first, last = np.flatnonzero(blocked)[[0, -1]]
+    index = np.arange(len(blocked))
+    free = index[~blocked & (index > first)]
+    on_path = on_path[free]
+    joints = [*free[on_path & (free > last)][:1], *free[on_path][:1]] or list(free[-1:])
+    return list(dict.fromkeys(int(joint) for joint in joints))
 
 
 def _position(place: NDArray[np.float64]) -> Position:
