@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from PIL import Image, ImageDraw
 
 from actors.evaluation.pixels import to_pixels
@@ -18,6 +20,7 @@ from deploy.robot.simulation import Grid
 
 STRIP = 22
 HOLD_LAST = 15
+MARGIN = 0.5
 _ROUTE, _PLAN, _BEACON, _ROBOT, _TEXT = (53, 102, 184), (224, 123, 0), (179, 38, 30), (20, 120, 60), (30, 30, 30)
 
 
@@ -53,7 +56,7 @@ def frames(
         target: navigation target, metres.
         width: pixels.
     """
-    camera = _Camera(world, target, width)
+    camera = _Camera(_cropped(world), target, width)
     picture: Image.Image | None = None
     for number, shot in enumerate(shots):
         picture = camera.draw(shot, [earlier.pose.position for earlier in shots[: number + 1]])
@@ -61,6 +64,16 @@ def frames(
     for _ in range(HOLD_LAST if picture is not None else 0):
         assert picture is not None
         yield picture
+
+
+def _cropped(world: GridMap) -> GridMap:
+    """Cut off solid margins but for `MARGIN`, metres."""
+    rows, columns = np.flatnonzero(world.free.any(axis=1)), np.flatnonzero(world.free.any(axis=0))
+    border = round(MARGIN / world.resolution)
+    low, left = max(int(rows[0]) - border, 0), max(int(columns[0]) - border, 0)
+    free = world.free[low : rows[-1] + 1 + border, left : columns[-1] + 1 + border]
+    origin = world.origin[0] + left * world.resolution, world.origin[1] + low * world.resolution
+    return dataclasses.replace(world, free=free, origin=origin, target_region=None)
 
 
 class _Camera:
@@ -83,6 +96,12 @@ class _Camera:
         picture.paste(self._background, (0, STRIP))
         pen = ImageDraw.Draw(picture)
         pen.text((6, 5), shot.words, fill=_TEXT)
+        # The legend also puts all colours into the last picture, which gives a GIF its palette.
+        end = float(self._size[0])
+        for word, colour in (("beacon", _BEACON), ("waypoint", _PLAN), ("way", _ROUTE), ("robot", _ROBOT)):
+            end -= 20.0 + pen.textlength(word)
+            pen.rectangle((end - 10, 7, end - 3, 14), fill=colour)
+            pen.text((end, 5), word, fill=_TEXT)
         points = [self._at(position) for position in way]
         if len(points) > 1:
             pen.line(points, fill=_ROUTE, width=2)
@@ -91,7 +110,7 @@ class _Camera:
             pen.line([here, *map(self._at, shot.path)], fill=_PLAN, width=1)
             x, y = self._at(shot.path[0])
             pen.ellipse((x - 3, y - 3, x + 3, y + 3), fill=_PLAN)
-        if shot.beacon is not None:
+        if shot.beacon is not None and shot.path:
             x, y = self._at(shot.beacon)
             pen.polygon([(x, y - 6), (x - 5, y + 4), (x + 5, y + 4)], fill=_BEACON)
         if self._target is not None:

@@ -15,8 +15,8 @@ class RobotOptions(Section):
 
     map: str = "generator:office?width=192&height=192&seed=3"
     """World: a PNG map, a folder of them, or `generator:NAME[?key=value&...]`."""
-    metres_per_pixel: Positive = 0.125
-    """Scale of PNG maps and of generated ones; their corridors are 32 pixels wide."""
+    metres_per_pixel: Positive = 0.1875
+    """Scale of PNG maps and of generated ones; doors of an office are 8 pixels wide and must let viewpoints through."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Number of the world in its source, and seed of all noise."""
     speed_factor: Annotated[float, Field(gt=0.0, le=100.0)] = 1.0

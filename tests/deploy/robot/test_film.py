@@ -15,10 +15,10 @@ from deploy.robot.terminal import live_view, picture
 
 
 def hall():
-    """A hall of 8 m x 6 m with walls of 1 m, its origin in the middle."""
-    free = np.zeros((24, 32), dtype=np.bool_)
-    free[4:-4, 4:-4] = True
-    return GridMap("hall", free, 0.25, (-4.0, -3.0), (0.0, 0.0), None, None, (0.0, 0.0))
+    """A hall of 8 m x 6 m with walls of 1 m and 2 m of rock around it, its origin in the middle."""
+    free = np.zeros((40, 48), dtype=np.bool_)
+    free[12:-12, 12:-12] = True
+    return GridMap("hall", free, 0.25, (-6.0, -5.0), (0.0, 0.0), None, None, (0.0, 0.0))
 
 
 def half_known():
@@ -41,10 +41,10 @@ def shot(time=1.0, belief=None, words="greedy"):
 def test_a_film_shows_what_is_known_and_holds_its_last_picture():
     pictures = list(frames([shot(), shot(2.0, half_known())], hall(), target=(2.5, 1.5), width=320))
     assert len(pictures) == 2 + HOLD_LAST
-    assert {each.size for each in pictures} == {(320, 240 + STRIP)}
+    assert {each.size for each in pictures} == {(320, 228 + STRIP)}
     before, after = np.asarray(pictures[0]), np.asarray(pictures[-1])
-    # (x, y) in pixels of the picture: 40 per metre, from the upper left corner at (-4, 3).
-    known, unknown, wall = (80, 180 + STRIP), (240, 180 + STRIP), (30, 120 + STRIP)
+    # (x, y) in pixels of the picture: 45.7 per metre, from the upper left corner at (-3.5, 2.5).
+    known, unknown, wall = (69, 182 + STRIP), (251, 182 + STRIP), (11, 114 + STRIP)
     assert tuple(before[known[1], known[0]]) == UNKNOWN
     assert tuple(after[known[1], known[0]]) == FREE
     assert tuple(after[unknown[1], unknown[0]]) == UNKNOWN
