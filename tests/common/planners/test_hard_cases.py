@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,6 +25,8 @@ TASKS: tuple[TaskName, TaskName] = ("exploration", "navigation")
 EXPLORERS, NAVIGATORS = (planner_names(task) for task in TASKS)
 NEEDS = {"tare": "ortools", "bit_star": "ompl"}
 LEARNED = {"hdplanner", "hdplanner-bare"}
+# Enough for small worlds.
+FAST = {"bit_star": {"samples_per_batch": 60, "batches": 1, "max_batches": 30}}
 STEPS = 60
 
 ROOM = ["########", "#S.....#", "#.....T#", "########"]
@@ -53,7 +56,8 @@ def policies(tmp_path_factory: pytest.TempPathFactory) -> dict[TaskName, Path]:
 def make(name: str, task: TaskName, policies: dict[TaskName, Path]) -> Planner:
     if name in NEEDS:
         pytest.importorskip(NEEDS[name], reason="the extra `planners` is not installed")
-    return make_planner(name, CONFIG, **({"policy": policies[task]} if name in LEARNED else {}))
+    settings: dict[str, Any] = {"policy": policies[task]} if name in LEARNED else FAST.get(name, {})
+    return make_planner(name, CONFIG, **settings)
 
 
 @pytest.mark.parametrize("name", EXPLORERS)
