@@ -9,6 +9,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
 
 from common.geometry import Scan
 from deploy.recording.errors import RecordingError
@@ -17,7 +18,7 @@ from deploy.recording.writer import BagWriter
 from deploy.ros2 import LATCHED, RELIABLE, SENSOR
 from deploy.ros2.conversions import laser_scan, occupancy_grid, point_stamped
 from deploy.ros2.markers import markers, spheres
-from deploy.ros2.messages import serialize
+from deploy.ros2.messages import message, serialize, typestore
 from tests.deploy.recording.world import config
 from tests.deploy.ros2.network import KINDS
 
@@ -82,9 +83,20 @@ def test_we_read_it(bag):
     assert recorded_config(bag).decision.planner == "tare"
 
 
-def test_every_type_has_a_definition_that_others_parse(tmp_path):
-    from deploy.ros2.messages import message
+@pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+def test_we_read_bags_of_others(tmp_path, storage):
+    path = tmp_path / "theirs"
+    with Writer(path, version=9, storage_plugin=storage) as writer:
+        connection = writer.add_connection("/scan", SCAN, typestore=typestore())
+        for number in range(5):
+            writer.write(connection, (number + 1) * SECOND, scan_bytes(number))
+    found = list(read_bag(path))
+    assert [(one.topic, one.kind, one.time) for one in found] == [("/scan", SCAN, n * SECOND) for n in range(1, 6)]
+    assert [one.payload for one in found] == [scan_bytes(number) for number in range(5)]
+    assert recorded_config(path) is None
 
+
+def test_every_type_has_a_definition_that_others_parse(tmp_path):
     path = tmp_path / "all"
     with BagWriter(path) as writer:
         for number, kind in enumerate(KINDS):

@@ -1,0 +1,126 @@
+import json
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+from deploy.cli import app
+from deploy.recording.comparison import compare
+from deploy.recording.errors import RecordingError
+from deploy.recording.reader import read_bag
+from deploy.recording.replay import Replay, has_decisions
+from deploy.recording.viewer import Viewer
+from tests.deploy.recording.world import SCAN, config, explore, recorded, status, write
+
+
+@pytest.fixture(scope="module")
+def settings():
+    return config("decision.planner=greedy")
+
+
+@pytest.fixture(scope="module")
+def messages(settings):
+    return explore(settings)
+
+
+@pytest.fixture(scope="module")
+def bag(messages, settings, tmp_path_factory):
+    return write(tmp_path_factory.mktemp("bags") / "lab", messages, settings)
+
+
+def replay(settings, messages, self_start=False):
+    result = Replay(settings, self_start).run(messages)
+    return result, compare(result.recorded, result.decided, result.begin, settings.mapping.viewpoint_spacing / 2)
+
+
+def test_the_same_planner_decides_the_same(settings, bag):
+    result, comparison = replay(settings, read_bag(bag))
+    assert len(comparison.differences) >= 8
+    assert comparison.agreement >= 0.9, comparison.first
+    assert result.map_statistics.integrated > 150
+    assert len(result.seconds) >= 8
+
+
+def test_another_planner_decides_otherwise(messages):
+    _, comparison = replay(config("decision.planner=nearest"), messages)
+    assert comparison.agreement < 1.0
+    assert comparison.first.recorded != comparison.first.replayed
+
+
+def test_sensors_alone_are_enough_to_see_what_would_be_decided(settings, messages):
+    sensors = [one for one in messages if one.topic in {"/scan", "/odom"}]
+    assert not has_decisions({one.topic for one in sensors}, settings)
+    assert has_decisions({one.topic for one in messages}, settings)
+    result, comparison = replay(settings, sensors, self_start=True)
+    assert comparison.differences == ()
+    assert len([one for one in result.decided if one.waypoint is not None]) >= 5
+
+
+def test_recorded_orders_are_followed(settings, messages):
+    sensors = [one for one in messages if one.topic in {"/scan", "/odom"}]
+    text = "std_msgs/msg/String"
+    idle, _ = replay(settings, sensors)
+    assert not [one for one in idle.decided if one.waypoint is not None]
+    orders = [
+        recorded("/hd/status", text, 3.05, status("running")),
+        recorded("/hd/status", text, 6.0, status("paused")),
+    ]
+    result, _ = replay(settings, sorted([*sensors, *orders], key=lambda one: one.time))
+    going = [one.time - result.begin for one in result.decided if one.waypoint is not None]
+    assert 3.0 <= min(going) <= max(going) <= 6.2
+    assert result.end[0] == "paused"
+
+
+def test_a_dead_sensor_is_a_fault_in_the_replay_too(settings, messages):
+    begin = messages[0].time
+    dead = [one for one in messages if one.topic != "/scan" or one.time - begin < 5e9]
+    result, _ = replay(settings, dead)
+    assert result.faults["sensor_stale"] > 100
+
+
+def test_damaged_messages_are_passed_over(settings, messages):
+    noise = [recorded_noise(one) for one in messages[50:60]]
+    result, _ = replay(settings, sorted([*messages, *noise], key=lambda one: one.time))
+    assert result.seconds
+
+
+def recorded_noise(one):
+    return type(one)("/scan", SCAN, one.time, b"\0\1\0\0noise")
+
+
+def test_the_command_reports(bag):
+    result = CliRunner().invoke(app, ["replay", str(bag), "--json"])
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.stdout)
+    assert told["comparison"]["agreement"] >= 0.9
+    assert told["topics"]["/scan"]["rate"] == pytest.approx(10.0, abs=0.5)
+    assert told["replay"]["map"]["dropped"] == {}
+    plain = CliRunner().invoke(app, ["replay", str(bag), "--planner", "nearest", "--min-agreement", "1.0"])
+    assert plain.exit_code == 1
+    assert "first difference after" in plain.output
+    assert "agreement:" in plain.output
+
+
+def test_the_command_checks_alone(bag):
+    result = CliRunner().invoke(app, ["replay", str(bag), "--checks-only", "--set", "topics.scan=/lidar"])
+    assert result.exit_code == 0, result.output
+    assert "nothing came on /lidar" in result.output.replace("\n", " ")
+    assert "agreement" not in result.output
+
+
+def test_the_command_recovers(bag, tmp_path):
+    result = CliRunner().invoke(app, ["recover", str(bag), str(tmp_path / "whole")])
+    assert result.exit_code == 0, result.output
+    assert list(read_bag(tmp_path / "whole")) == list(read_bag(bag))
+
+
+def test_the_command_says_what_is_missing(tmp_path):
+    result = CliRunner().invoke(app, ["replay", str(tmp_path / "nowhere")])
+    assert result.exit_code == 1
+    assert "there is no recording at" in result.output.replace("\n", " ")
+
+
+def test_the_viewer_asks_for_its_package(monkeypatch):
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(RecordingError, match=r"hdplanner\[rerun\]"):
+        Viewer()
