@@ -128,8 +128,9 @@ def run_episode(
         world: where.
         seed: of simulator and planner.
         time_limit: seconds of processor time for one decision; a slower one ends the episode as a failure.
-        tell: called with ``("start", place)``, ``("decide", None)`` before and ``("moved", place)`` after each
-            decision, so that a watcher knows how far an episode had come when its process ends.
+        tell: called with ``("start", place)``, then for each decision with ``("decide", None)`` before it,
+            ``("drive", None)`` when it is taken and ``("moved", place)`` when it is carried out, so that a watcher knows
+            how far an episode had come when its process ends.
 
     Raises:
         HDError: the world does not suit, or the planner broke the rules of the protocol.
@@ -154,6 +155,8 @@ def run_episode(
         if plan.status is not Status.GOING or plan.waypoint is None:
             reason = f"the planner says {plan.status.value}: {plan.reason}"
             break
+        # Only deciding is limited: driving under physics takes what it takes.
+        tell("drive", None)
         environment.step_to(plan.waypoint)
         places.append(Place.of(environment))
         tell("moved", places[-1])

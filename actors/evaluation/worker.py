@@ -3,7 +3,7 @@
 Started as ``python -m actors.evaluation.worker SETTINGS``, the settings being JSON (`EvaluationSettings`). A job is
 one line ``{"planner": NAME, "number": N}``; what happens is told on standard output, one JSON object a line with an
 ``event``: ``ready`` (takes jobs), ``unusable`` (with the reason), ``warm`` (a planner's first decisions, which compile
-its kernels), ``start``, ``decide``, ``moved`` (see `run_episode`), ``done`` (with the outcome).
+its kernels), ``start``, ``decide``, ``drive``, ``moved`` (see `run_episode`), ``done`` (with the outcome).
 """
 
 from __future__ import annotations
