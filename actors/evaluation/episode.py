@@ -129,7 +129,7 @@ def run_episode(
         seed: of simulator and planner.
         time_limit: seconds of processor time for one decision; a slower one ends the episode as a failure.
         tell: called with ``("start", place)``, then for each decision with ``("decide", None)`` before it,
-            ``("drive", None)`` when it is taken and ``("moved", place)`` when it is carried out, so that a watcher knows
+            ``("drive", None)`` when it is taken, ``("moved", place)`` when it is carried out, so that a watcher knows
             how far an episode had come when its process ends.
 
     Raises:
