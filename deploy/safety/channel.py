@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import select
 import socket
 from typing import Any, Final
 
@@ -27,6 +28,16 @@ class Channel(Closing):
     def fileno(self) -> int:
         """Return the file descriptor, to wait for packets with `select`."""
         return self._socket.fileno()
+
+    def wait(self, seconds: float) -> None:
+        """Wait for a packet, or the other process's end, at most so many seconds.
+
+        Raises:
+            EOFError: this end is closed.
+        """
+        if self.fileno() < 0:
+            raise EOFError("this end of the channel is closed")
+        select.select([self], [], [], seconds)
 
     def send(self, **packet: Any) -> bool:
         """Send a packet; false when an end is closed, or the other so far behind that the packet is dropped."""

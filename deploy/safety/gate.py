@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import select
 import subprocess
 import sys
 import threading
@@ -18,13 +17,14 @@ from deploy.ros2 import Node
 from deploy.safety.channel import Channel
 from deploy.safety.gate_state import GateMode, GateState
 from deploy.safety.output import VelocityOutput
+from deploy.safety.rules import STOP_ALL
 
 log = logging.getLogger(__name__)
 
 _START_TIMEOUT: Final = 120.0
 _CLOSE_TIMEOUT: Final = 2.0
 # The watchdog reports five times a second.
-_SILENT: Final = 1.0
+_SILENT: Final = 0.6
 _HUNG: Final = 3.0
 _ANYWHERE: Final = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
 
@@ -92,7 +92,7 @@ class VelocityGate(Closing):
         self._thread.start()
 
     def use_when_watchdog_dies(self, node: Node) -> None:
-        """Let the bridge's node stop the robot in the seconds that a new watchdog takes to start."""
+        """Let the bridge's node stop the robot while the watchdog hangs, and until a new one has started."""
         self._fallback = VelocityOutput(node, self._config)
 
     def wish(self, linear: float, angular: float) -> None:
@@ -172,7 +172,7 @@ class VelocityGate(Closing):
                     f"the robot's router is there ({', '.join(self._config.ros.connect)})"
                 )
             self._send("beat")
-            select.select([self._channel], [], [], 0.05)
+            self._channel.wait(0.05)
             try:
                 self._hear()
             except EOFError:
@@ -198,16 +198,23 @@ class VelocityGate(Closing):
             if now >= next_beat:
                 self._send("beat")
                 next_beat = now + period
-            select.select([self._channel], [], [], max(0.0, next_beat - time.monotonic()))
             try:
+                self._channel.wait(max(0.0, next_beat - time.monotonic()))
                 self._hear()
-                if time.monotonic() - self._heard > _HUNG:
-                    raise EOFError
+                silence = time.monotonic() - self._heard
+                if silence > _SILENT:
+                    self._stop_the_robot()
+                if silence > _HUNG:
+                    raise EOFError("it does not answer")
             except (EOFError, SafetyError) as error:
-                self._replace_watchdog(str(error))
+                try:
+                    self._replace_watchdog(str(error))
+                except OSError as failure:
+                    log.error("no other watchdog can be started (%s): trying again", failure)
+                    self._closed.wait(1.0)
 
     def _replace_watchdog(self, why: str) -> None:
-        log.error("the watchdog is dead or hangs (%s): starting another", why or f"exit code {self._process.poll()}")
+        log.error("the watchdog is dead or hangs (%s): starting another", why)
         with self._lock:
             latched = "latched before the watchdog was replaced" if self._state.emergency_stop else ""
             self._state = replace(self._state, alive=False, reason="the watchdog died; another one starts")
@@ -217,17 +224,21 @@ class VelocityGate(Closing):
         if self._last_hold is not None:
             self.hold(self._last_hold)
         while not self._closed.is_set() and not self._state.alive:
-            if self._fallback is not None:
-                self._fallback.velocity(0.0, 0.0)
-                self._fallback.stop(2)
+            self._stop_the_robot()
             self._send("beat")
-            select.select([self._channel], [], [], 0.05)
+            self._channel.wait(0.05)
             try:
                 self._hear()
             except (EOFError, SafetyError) as error:
                 log.error("the new watchdog ended as it started (%s): trying again", error)
                 self._closed.wait(1.0)
                 return
+
+    def _stop_the_robot(self) -> None:
+        """Do the watchdog's work for as long as it cannot."""
+        if self._fallback is not None:
+            self._fallback.velocity(0.0, 0.0)
+            self._fallback.stop(STOP_ALL)
 
     def _kill(self) -> None:
         self._process.kill()

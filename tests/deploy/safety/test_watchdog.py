@@ -170,6 +170,18 @@ def test_dead_watchdog_stops_the_robot_all_the_same(driving):
 
 
 @pytest.mark.slow
+def test_hanging_watchdog_is_replaced(driving):
+    robot, other, _ = driving
+    now = time.monotonic()
+    os.kill(other.watchdog, signal.SIGSTOP)
+    report("watchdog stopped by SIGSTOP", robot.time_to_zero(now), 0.6)
+    assert not other.state()["alive"]
+    assert eventually(lambda: other.state()["pid"] != other.watchdog and other.state()["clear"], 60.0)
+    assert eventually(lambda: robot.velocity() == (1.0, 0.2), 30.0)
+    other.watchdog = other.state()["pid"]
+
+
+@pytest.mark.slow
 def test_dead_watchdog_is_replaced_and_the_latch_stays(driving):
     robot, other, _ = driving
     robot.emergency_stop()
