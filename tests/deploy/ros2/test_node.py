@@ -1,5 +1,6 @@
 import threading
 import time
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -154,6 +155,24 @@ def test_clients_wait_for_their_router():
         thread.join(20.0)
         assert nodes
         nodes[0].close()
+
+
+def test_clients_come_back_when_their_router_does():
+    port = free_port()
+    config = ros(f"tcp/127.0.0.1:{port}", mode="client")
+    with ExitStack() as nodes:
+        with rmw_router(port):
+            robot = nodes.enter_context(Node(config, "robot"))
+            laptop = nodes.enter_context(Node(config, "laptop"))
+            newest = laptop.latest("/chatter", "std_msgs/msg/String")
+            chatter = robot.publisher("/chatter", "std_msgs/msg/String")
+            robot.publisher("/map", GRID, LATCHED).publish(occupancy_grid(7.0, "map", np.zeros((2, 2)), 0.1))
+            assert repeat(chatter, text("before"), newest.get)
+        chatter.publish(text("lost"))
+        with rmw_router(port):
+            assert repeat(chatter, text("after"), lambda: newest.get()[0].data == "after")
+            late = laptop.latest("/map", GRID, LATCHED)
+            assert eventually(lambda: late.get() and late.get()[0].header.stamp.sec == 7)
 
 
 def test_domains_and_types_are_kept_apart(endpoint):
