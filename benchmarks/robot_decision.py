@@ -35,7 +35,7 @@ from deploy.mapping import RobotMap
 from deploy.profiles import load_deploy_config
 from deploy.safety import HealthMonitor
 
-WORLD = "generator:building?seed=3"
+WORLD = "generator:hall?seed=3"
 TICK = 0.1
 BINS = ((0, 200), (200, 350), (350, 450), (450, 800), (800, 100_000))
 
@@ -84,6 +84,7 @@ def measure(config: DeployConfig, planner: Planner | None, world_source: str, se
         if outcome.mapper is not None:
             rows.append((len(outcome.mapper.viewpoints), spent, float(outcome.decided)))
         if not outcome.orders.moving:
+            print(f"after {len(rows) * TICK:.0f} s: {outcome.orders.reason}; {outcome.mapper.explored_area:.0f} m2")
             break
         if outcome.course is None:
             continue
@@ -104,7 +105,7 @@ def main() -> None:
     """Run the benchmark and print its table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--planner", default="greedy", help="name, or random:WIDTHxLAYERS for a policy of random weights"
+        "--planner", default="greedy", help="name, or random:WIDTHxLAYERS (weights)"
     )
     parser.add_argument("--policy", type=Path, default=None)
     parser.add_argument("--world", default=WORLD)

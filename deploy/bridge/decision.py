@@ -108,7 +108,7 @@ class DecisionLoop:
             elif self._course is not None and now >= self._next:
                 # The decision stands because nothing has changed; that is just what must not last.
                 self._next = now + 1.0 / self._config.rate
-                self._watch(self._course, mapper, pose, now)
+                self._watch(self._course, mapper, pose, None, now)
         return self._outcome(mapper, pose, now, decided, time.perf_counter() - began)
 
     # The stages of a pass.
@@ -192,6 +192,8 @@ class DecisionLoop:
         self._faults = [fault for fault in self._faults if fault.kind not in _MENDED_BY_PLANNING]
         if plan.status is Status.GOING and not self._oversight.allows(plan, place, now):
             plan = self._oversight.around(mapper, place, now)
+        if plan.status is not Status.GOING:
+            plan = self._oversight.over_cells(mapper, place, plan, now)
         if plan.status is Status.GOING and plan.waypoint is not None:
             self._go(mapper, pose, place, plan, plan.waypoint, now)
         else:
@@ -228,16 +230,17 @@ class DecisionLoop:
         self._checks.reset()
         self._hold = ""
         old = self._course
+        reached = old.waypoint if old is not None and self._arrived(pose) else None
         if old is None or not self._keeps(old, mapper, pose, plan, waypoint, now):
             regained = () if place is pose or place.position == waypoint or self._arrived(pose) else (place.position,)
             ahead = self._drivable(mapper, waypoint, plan.path, now)
-            self._course = Course(waypoint, plan.beacon, tuple(plan.path), (*regained, waypoint, *ahead))
+            self._course = Course(waypoint, plan.beacon, tuple(plan.path), (*regained, waypoint, *ahead), plan.reason)
         assert self._course is not None
-        self._watch(self._course, mapper, place, now)
+        self._watch(self._course, mapper, place, reached, now)
 
-    def _watch(self, course: Course, mapper: Mapper, place: Pose, now: float) -> None:
+    def _watch(self, course: Course, mapper: Mapper, place: Pose, reached: Position | None, now: float) -> None:
         """Look whether the robot gets anywhere, and try something else when it does not."""
-        vain = self._oversight.watch(mapper, place, course, now)
+        vain = self._oversight.watch(mapper, place, course, reached, now)
         if vain:
             self._oversight.give_up(course, vain, now)
             self.team.relieve(now, vain)

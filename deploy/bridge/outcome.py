@@ -21,12 +21,14 @@ class Course:
         path: everything planned beyond the waypoint, for display.
         route: what may be driven: the waypoint and the free beginning of the path; before them the place where a
             robot regains free space.
+        reason: why this one, where the planner says so.
     """
 
     waypoint: Position
     beacon: Position | None
     path: tuple[Position, ...]
     route: tuple[Position, ...]
+    reason: str = ""
 
     @property
     def goal(self) -> Position:

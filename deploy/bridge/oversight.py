@@ -10,6 +10,7 @@ import numpy as np
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status
+from deploy.bridge.cell_route import to_frontier, to_target
 from deploy.bridge.detour import detour, useful_nodes
 from deploy.bridge.outcome import Course
 from deploy.config import DeployConfig
@@ -33,11 +34,17 @@ class Oversight:
         self._progress = ProgressMonitor(config.safety)
         self._progress_time = config.safety.progress_time
         self._loops = LoopDetector()
+        self._spacing = config.mapping.viewpoint_spacing
+        # Frontiers that were gone to over cells, and those of them that a look from near by did not resolve.
+        self._aimed: set[Position] = set()
+        self._tried: set[tuple[int, int]] = set()
 
     def begin(self, target: Position | None, now: float) -> None:
         """Begin an episode: forget everything."""
         self.target = target
         self._blacklist.clear()
+        self._aimed.clear()
+        self._tried.clear()
         self._loops.reset()
         self._progress.reset(now)
 
@@ -78,10 +85,44 @@ class Oversight:
             why = "lies outside the geofence, or was looked at in vain"
         return Plan(Status.UNREACHABLE, reason=f"everything that is left {why}")
 
-    def watch(self, mapper: Mapper, pose: Pose, course: Course, now: float) -> str:
-        """Take in a decision and say why the robot gets nowhere; empty while it does get somewhere."""
+    def over_cells(self, mapper: Mapper, place: Pose, plan: Plan, now: float) -> Plan:
+        """Look for a way over the cells of the map where the graph offers none; else return the plan as it is."""
+        if self.target is not None:
+            if plan.status is Status.COMPLETE:
+                return plan
+            found = to_target(mapper, place, self.target, self._spacing)
+        else:
+            self._tried |= {self._key(where) for where in self._aimed if place.distance_to(where) <= self._spacing}
+            found = to_frontier(mapper, place, self._spacing, lambda where: self._skips(where, now))
+        if found.status is not Status.GOING or not self.allows(found, place, now):
+            return plan
+        if found.beacon is not None:
+            self._aimed.add(found.beacon)
+        return found
+
+    def _skips(self, frontier: Position, now: float) -> bool:
+        return (
+            self._key(frontier) in self._tried
+            or not self._fence.contains(frontier)
+            or self._blacklist.banned(frontier, now) is not None
+        )
+
+    def _key(self, position: Position) -> tuple[int, int]:
+        return round(position[0] / self._spacing), round(position[1] / self._spacing)
+
+    def watch(self, mapper: Mapper, pose: Pose, course: Course, reached: Position | None, now: float) -> str:
+        """Take in where the robot is going, and say why it gets nowhere; empty while it does get somewhere.
+
+        Args:
+            mapper: of this moment.
+            pose: of the robot.
+            course: where it goes.
+            reached: waypoint that it has just come to, None on its way.
+            now: seconds.
+        """
         area = mapper.explored_area
-        loop = self._loops.decide(course.waypoint, area)
+        # Places that the robot came to, not those that it was sent to: a choice may change on the way and harm nobody.
+        loop = self._loops.decide(reached, area) if reached is not None else None
         way = None if mapper.stuck else way_to(mapper, pose, course.goal)
         stalled = self._progress.update(now, area, course.goal, way)
         if loop is not None:

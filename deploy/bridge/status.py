@@ -135,7 +135,8 @@ def state_of(outcome: Outcome, gate: GateState) -> tuple[str, str]:
     # A gate that is merely held is held by this bridge, which says itself why.
     if not gate.clear and not (gate.alive and gate.mode is GateMode.HELD):
         return "holding", gate.reason
-    return orders.phase.value, orders.reason
+    course = outcome.course
+    return orders.phase.value, course.reason if course is not None and course.reason else orders.reason
 
 
 def _plain(value: Any) -> Any:

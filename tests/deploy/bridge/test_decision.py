@@ -163,7 +163,7 @@ def test_a_planner_that_circles_is_relieved():
 
     def decide(asked, mapper, pose):
         here = min(places, key=pose.distance_to)
-        there = places[1 - places.index(here)] if pose.distance_to(here) < 0.6 else here
+        there = places[1 - places.index(here)] if pose.distance_to(here) < 0.1 else here
         return Plan(Status.GOING, waypoint=there)
 
     trial = started(ROOMS, Scripted(decide), safety={"progress_time": 1000.0})
