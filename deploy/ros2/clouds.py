@@ -1,0 +1,85 @@
+"""Point clouds of any layout to arrays, and back."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deploy.ros2.errors import RosError
+from deploy.ros2.messages import Message, header, message
+
+POINT_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""Datatypes of sensor_msgs/PointField by number."""
+
+
+def points_from(cloud: Message) -> NDArray[np.float32]:
+    """Return the points of a PointCloud2: float32, shape (n, 3), or (n, 4) where it has an intensity.
+
+    Points that are not finite are left out. Any field types, offsets, paddings and byte orders are read. The array may
+    be a read-only view of the message.
+
+    Raises:
+        RosError: when x, y or z lacks, or the sizes do not fit the data.
+    """
+    fields = {field.name: field for field in cloud.fields}
+    lacking = [name for name in ("x", "y", "z") if name not in fields]
+    if lacking:
+        raise RosError(f"a PointCloud2 needs the fields x, y and z; {', '.join(lacking)} lacks among {list(fields)}")
+    names = ["x", "y", "z", *(["intensity"] if "intensity" in fields else [])]
+    order = ">" if cloud.is_bigendian else "<"
+    formats = []
+    for name in names:
+        code = POINT_TYPES.get(fields[name].datatype)
+        if code is None:
+            raise RosError(f"field {name} of a PointCloud2 has datatype {fields[name].datatype}, expected 1 to 8")
+        formats.append(order + code)
+    offsets = [fields[name].offset for name in names]
+    data = np.ascontiguousarray(cloud.data, np.uint8)
+    if cloud.height * cloud.width == 0:
+        return np.empty((0, len(names)), np.float32)
+    ends = [offset + np.dtype(form).itemsize for offset, form in zip(offsets, formats, strict=True)]
+    if max(ends) > cloud.point_step or cloud.row_step < cloud.width * cloud.point_step:
+        raise RosError(
+            f"a PointCloud2's fields must fit its point_step {cloud.point_step}, and {cloud.width} points its row_step "
+            f"{cloud.row_step}"
+        )
+    if len(data) < cloud.row_step * (cloud.height - 1) + cloud.width * cloud.point_step:
+        raise RosError(f"a PointCloud2 of {cloud.height} rows of {cloud.row_step} bytes has only {len(data)} bytes")
+    points: NDArray[np.float32]
+    packed = formats == ["<f4"] * len(names) and offsets == list(range(0, 4 * len(names), 4))
+    if packed and cloud.point_step == 4 * len(names) and cloud.row_step == cloud.width * cloud.point_step:
+        points = data[: cloud.height * cloud.row_step].view(np.float32).reshape(-1, len(names))
+    else:
+        points = np.empty((cloud.height * cloud.width, len(names)), np.float32)
+        grid = points.reshape(cloud.height, cloud.width, len(names))
+        strides = (cloud.row_step, cloud.point_step)
+        for column, (offset, form) in enumerate(zip(offsets, formats, strict=True)):
+            grid[:, :, column] = np.ndarray((cloud.height, cloud.width), form, data.data, offset, strides)
+    finite = np.isfinite(points[:, 0] + points[:, 1] + points[:, 2])
+    return points if finite.all() else points[finite]
+
+
+def point_cloud(time: float, frame: str, points: NDArray[np.float32]) -> Message:
+    """Build a PointCloud2 of float32 fields x, y, z and, for four columns, intensity.
+
+    Args:
+        time: stamp, seconds.
+        frame: frame of the points.
+        points: shape (n, 3) or (n, 4).
+    """
+    names = ("x", "y", "z", "intensity")[: points.shape[1]]
+    data = np.ascontiguousarray(points, "<f4")
+    return message(
+        "sensor_msgs/msg/PointCloud2",
+        header=header(time, frame),
+        height=1,
+        width=len(data),
+        fields=[
+            message("sensor_msgs/msg/PointField", name=name, offset=4 * number, datatype=7, count=1)
+            for number, name in enumerate(names)
+        ],
+        point_step=4 * len(names),
+        row_step=4 * len(names) * len(data),
+        data=data.reshape(-1).view(np.uint8),
+        is_dense=bool(np.isfinite(data).all()),
+    )
