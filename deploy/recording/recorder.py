@@ -22,8 +22,18 @@ log = logging.getLogger(__name__)
 
 _LOOK = 1.0
 _FLUSH = 1.0
-# A disk may stand still for a moment; the node's queues bridge it.
-_DEPTH = 500
+# A disk may stand still for a moment; the node's queues bridge it, within bounds of memory.
+_DEPTH = 1000
+_DEPTH_OF_LARGE = 50
+_LARGE = frozenset(
+    {
+        "nav_msgs/msg/OccupancyGrid",
+        "sensor_msgs/msg/CompressedImage",
+        "sensor_msgs/msg/Image",
+        "sensor_msgs/msg/PointCloud2",
+        "visualization_msgs/msg/MarkerArray",
+    }
+)
 
 Listener = Callable[[str, str, bytes, int], None]
 """Gets topic, type, payload and arrival (nanoseconds) of every message, in the recorder's thread."""
@@ -131,7 +141,8 @@ class Recorder(Closing):
             qos = QoS(all(one.reliable for one in offered), latched, max(one.depth for one in offered))
             channel = self._bag.add_topic(name, kind, qos)
             store = functools.partial(self._store, name, kind, channel)
-            self._node.subscribe_raw(name, kind, store, QoS(qos.reliable, latched, max(_DEPTH, qos.depth)))
+            depth = _DEPTH_OF_LARGE if kind in _LARGE else _DEPTH
+            self._node.subscribe_raw(name, kind, store, QoS(qos.reliable, latched, depth))
             log.info("recording %s (%s)", name, kind)
 
     def _store(self, name: str, kind: str, channel: int, payload: bytes, received: Received) -> None:
