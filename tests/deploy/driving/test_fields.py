@@ -42,13 +42,13 @@ def drive(seeds) -> tuple[int, float]:
 
 
 def test_few_random_fields():
-    reached, _ = drive(range(4))
-    assert reached == 4
+    reached, _ = drive(range(3))
+    assert reached == 3
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_many_random_fields():
-    reached, nearest = drive(range(300))
-    print(f"{reached} of 300 reached the goal; the nearest obstacle came within {nearest:.3f} m of the centre")
-    assert reached >= 290
+    reached, nearest = drive(range(200))
+    print(f"{reached} of 200 reached the goal; the nearest obstacle came within {nearest:.3f} m of the centre")
+    assert reached >= 195
