@@ -56,7 +56,8 @@ class Lidar:
 
     def sense(self, client: int, body: int, link: int) -> Scan:
         """Scan from where the link is now."""
-        state = pybullet.getLinkState(body, link, physicsClientId=client)
+        # Without forward kinematics the link, and rays from it, are where they were one control interval ago.
+        state = pybullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=client)
         rotation = np.array(pybullet.getMatrixFromQuaternion(state[1])).reshape(3, 3)
         origin = np.array(state[0])
         return self._keep(self._measure(client, body, link, origin, rotation), origin, rotation)

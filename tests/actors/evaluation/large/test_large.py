@@ -28,7 +28,7 @@ def exploration(tmp_path_factory):
 @pytest.fixture(scope="module")
 def tour(tmp_path_factory):
     out = tmp_path_factory.mktemp("tour")
-    where = ["--world", SMALL, "--seeds", 1, "--jobs", 1, "--targets", 2, "--inflate", 0.3]
+    where = ["--world", SMALL, "--seeds", 1, "--jobs", 1, "--targets", 2]
     result = call("large", "--planner", "astar", "--task", "navigation", *where, "--out", out)
     assert result.exit_code == 0, result.output
     return out
@@ -56,7 +56,7 @@ def test_a_tour_visits_all_targets(tour):
     assert sum(leg.distance_m for leg in episode.legs) == pytest.approx(episode.distance_m, abs=0.01)
     assert sum(leg.time_s for leg in episode.legs) == pytest.approx(episode.time_s, abs=0.01)
     assert sum(leg.steps for leg in episode.legs) == episode.steps
-    assert results.settings["inflation"] == 0.3
+    assert results.settings["inflation"] == 0.0
 
 
 def test_the_same_command_again_has_nothing_to_do(exploration):
