@@ -204,7 +204,10 @@ class DecisionConfig(Section):
     """Classical planner that takes over when the planner fails, loops or makes no progress; `nearest` for exploration
     and `astar` for navigation when not given."""
     rate: Positive = 2.0
-    """Decisions per second at least, besides those on arrival, Hz."""
+    """Decisions per second while the robot stands, and at most between two arrivals, Hz."""
+    replan: Literal["seen", "always"] = "seen"
+    """When to decide between two arrivals: `seen`, as soon as nothing is left to see from where the robot is going;
+    `always`, at the rate: planners then waver between two ways, and explore half as much in the same time."""
     arrival_radius: Positive = 0.5
     """A waypoint counts as reached within this distance, metres."""
     goal_radius: Positive = 0.8
@@ -219,8 +222,6 @@ class DecisionConfig(Section):
     """Markers and belief per second, Hz; 0 for none."""
     return_home: bool = False
     """Drive back to where the task began when it is done."""
-    switch_margin: NonNegative = 0.0
-    """A new waypoint replaces one under way only when so many metres of path are saved, against dithering."""
     autostart: bool = False
     """Start as soon as map and pose are there, without a command."""
 

@@ -101,10 +101,9 @@ def to_target(mapper: Mapper, pose: Pose, target: Position, spacing: float) -> P
     """Go towards a target over free cells, unknown ones taken as free."""
     goals = np.zeros(mapper.belief.padded.shape, dtype=np.bool_)
     row, column = mapper.belief.cell(target)
-    if not (0 <= row < goals.shape[0] - 2 and 0 <= column < goals.shape[1] - 2):
-        # Beyond the map: the nearest cell of its rim stands for the target.
-        row = min(max(row, 0), goals.shape[0] - 3)
-        column = min(max(column, 0), goals.shape[1] - 3)
+    rows, columns = mapper.belief.shape
+    # Of a target beyond the map the nearest cell of the map's rim takes the place.
+    row, column = min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)
     goals[row + 1, column + 1] = True
     return _follow(mapper, pose, goals, spacing, through_unknown=True) or Plan(
         Status.UNREACHABLE, reason="obstacles close every way to the target, unknown cells taken as free"

@@ -6,7 +6,10 @@ import logging
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
+
+import numpy as np
 
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
@@ -18,7 +21,7 @@ from deploy.bridge.diagnosis import diagnose
 from deploy.bridge.map_source import MapSource
 from deploy.bridge.mission import Mission, Orders, Phase
 from deploy.bridge.outcome import Course, Outcome
-from deploy.bridge.oversight import Oversight, gap
+from deploy.bridge.oversight import Oversight
 from deploy.bridge.team import PlannerError, PlannerTeam
 from deploy.config import DeployConfig
 from deploy.safety import Fault, FaultKind, HealthMonitor
@@ -167,13 +170,22 @@ class DecisionLoop:
             return True
         if any(fault.kind is FaultKind.WAYPOINT_OCCUPIED for fault in self._faults) or self._arrived(pose):
             return True
-        if now < self._next:
+        if now < self._next or (self._config.replan == "seen" and not self._seen(course, mapper)):
             return False
         return asked is None or pose.distance_to(asked[0].position) > _MOVED or asked[2] != mapper.belief.known_cells
+
+    def _seen(self, course: Course, mapper: Mapper) -> bool:
+        """Whether nothing is left to see from where the robot is going."""
+        if mapper.stuck or course.goal == self._oversight.target:
+            return False
+        gaps = np.hypot(*(mapper.viewpoints - np.array(course.goal)).T)
+        node = int(gaps.argmin())
+        return bool(gaps[node] < self._mapping.resolution and mapper.observe().utility[node] == 0)
 
     def _decide(self, mapper: Mapper, pose: Pose, now: float) -> bool:
         """Let a planner decide where to go, and watch over its choice."""
         self._mission.begun(pose.position)
+        stands = self._asked is not None and pose.distance_to(self._asked[0].position) <= _MOVED
         self._next = now + 1.0 / self._config.rate
         self._asked = (pose, self._version, mapper.belief.known_cells)
         if self._at_goal(pose):
@@ -195,7 +207,7 @@ class DecisionLoop:
         if plan.status is not Status.GOING:
             plan = self._oversight.over_cells(mapper, place, plan, now)
         if plan.status is Status.GOING and plan.waypoint is not None:
-            self._go(mapper, pose, place, plan, plan.waypoint, now)
+            self._go(mapper, pose, self._from_here(mapper, pose, place, plan, stands), place, now)
         else:
             self._nowhere(mapper, place, plan)
         return True
@@ -225,17 +237,28 @@ class DecisionLoop:
 
     # Going.
 
-    def _go(self, mapper: Mapper, pose: Pose, place: Pose, plan: Plan, waypoint: Position, now: float) -> None:
+    def _from_here(self, mapper: Mapper, pose: Pose, place: Pose, plan: Plan, stands: bool) -> Plan:
+        """Begin a plan with the place that it was made for where the robot cannot cut the corner.
+
+        A robot that has come to a stand near that place will come no nearer: it is sent on.
+        """
+        waypoint = plan.waypoint
+        if waypoint is None or place is pose or place.position == waypoint or (stands and self._arrived(pose)):
+            return plan
+        if mapper.segment_free(pose.position, waypoint):
+            return plan
+        return replace(plan, waypoint=place.position, path=[waypoint, *plan.path])
+
+    def _go(self, mapper: Mapper, pose: Pose, plan: Plan, place: Pose, now: float) -> None:
         """Set out for a waypoint, and look whether the robot gets anywhere."""
+        assert plan.waypoint is not None
+        waypoint = plan.waypoint
         self._checks.reset()
         self._hold = ""
         old = self._course
         reached = old.waypoint if old is not None and self._arrived(pose) else None
-        if old is None or not self._keeps(old, mapper, pose, plan, waypoint, now):
-            regained = () if place is pose or place.position == waypoint or self._arrived(pose) else (place.position,)
-            ahead = self._drivable(mapper, waypoint, plan.path, now)
-            self._course = Course(waypoint, plan.beacon, tuple(plan.path), (*regained, waypoint, *ahead), plan.reason)
-        assert self._course is not None
+        ahead = self._drivable(mapper, waypoint, plan.path, now)
+        self._course = Course(waypoint, plan.beacon, tuple(plan.path), (waypoint, *ahead), plan.reason)
         self._watch(self._course, mapper, place, reached, now)
 
     def _watch(self, course: Course, mapper: Mapper, place: Pose, reached: Position | None, now: float) -> None:
@@ -244,20 +267,8 @@ class DecisionLoop:
         if vain:
             self._oversight.give_up(course, vain, now)
             self.team.relieve(now, vain)
+            self._stand(vain)
             self._next, self._asked = now, None
-
-    def _keeps(self, old: Course, mapper: Mapper, pose: Pose, plan: Plan, waypoint: Position, now: float) -> bool:
-        """Whether the waypoint under way stays, because the new one saves too little."""
-        margin = self._config.switch_margin
-        if margin <= 0.0 or old.waypoint == waypoint or self._arrived(pose) or not _is_free(mapper)(old.waypoint):
-            return False
-        if not self._oversight.may_enter(pose.position, old.waypoint, now):
-            return False
-        goal = plan.beacon or waypoint
-        saved = (
-            pose.distance_to(old.waypoint) + gap(old.waypoint, goal) - pose.distance_to(waypoint) - gap(waypoint, goal)
-        )
-        return saved < margin
 
     def _drivable(self, mapper: Mapper, start: Position, path: list[Position], now: float) -> list[Position]:
         """Return the beginning of a path that is known to be free and allowed."""

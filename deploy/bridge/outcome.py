@@ -19,8 +19,7 @@ class Course:
         waypoint: the planner's choice.
         beacon: the area that it leads to, where the planner has such a notion.
         path: everything planned beyond the waypoint, for display.
-        route: what may be driven: the waypoint and the free beginning of the path; before them the place where a
-            robot regains free space.
+        route: what may be driven: the waypoint and the free beginning of the path.
         reason: why this one, where the planner says so.
     """
 

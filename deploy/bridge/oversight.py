@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import hypot
 from typing import Final
 
@@ -123,7 +124,10 @@ class Oversight:
         area = mapper.explored_area
         # Places that the robot came to, not those that it was sent to: a choice may change on the way and harm nobody.
         loop = self._loops.decide(reached, area) if reached is not None else None
-        way = None if mapper.stuck else way_to(mapper, pose, course.goal)
+        if course.path and course.path[-1] == course.goal:
+            way: float | None = _length([pose.position, course.waypoint, *course.path])
+        else:
+            way = None if mapper.stuck else way_to(mapper, pose, course.goal)
         stalled = self._progress.update(now, area, course.goal, way)
         if loop is not None:
             return f"the robot circles through {len(loop.waypoints)} waypoints without news"
@@ -143,6 +147,10 @@ def way_to(mapper: Mapper, pose: Pose, goal: Position) -> float:
     node = int(np.hypot(positions[:, 0] - goal[0], positions[:, 1] - goal[1]).argmin())
     start = mapper.position(mapper.robot)
     return pose.distance_to(start) + float(mapper.distances(mapper.robot)[node]) + gap(mapper.position(node), goal)
+
+
+def _length(places: list[Position]) -> float:
+    return sum(gap(a, b) for a, b in pairwise(places))
 
 
 def gap(a: Position, b: Position) -> float:
