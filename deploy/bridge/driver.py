@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import threading
 import time
 from collections.abc import Callable
@@ -20,6 +21,8 @@ from deploy.driving import LocalPlanner
 from deploy.safety import HealthMonitor, VelocityGate
 
 log = logging.getLogger(__name__)
+
+_FIGURES = re.compile(r"[0-9.]+")
 
 
 class Surroundings(Protocol):
@@ -97,6 +100,7 @@ class Driver(Closing):
         self._wish = Wish((), "the bridge has just started", time.monotonic())
         self._route: tuple[Position, ...] = ()
         self._told_blocked = False
+        self._held = ("", "")
         self._stop = threading.Event()
         self.error = ""
         """The last error of this thread; empty while there was none."""
@@ -120,7 +124,14 @@ class Driver(Closing):
         """Stand and end the thread."""
         self._stop.set()
         self._thread.join()
-        self._gate.hold("the bridge ends")
+        self._hold("the bridge ends")
+
+    def _hold(self, reason: str) -> None:
+        """Hold; a reason that differs in its figures alone is no news, and would fill the watchdog's log."""
+        kind = _FIGURES.sub("", reason)
+        if kind != self._held[0]:
+            self._held = kind, reason
+        self._gate.hold(self._held[1])
 
     def _run(self) -> None:
         period = 1.0 / self._config.driving.rate
@@ -131,7 +142,7 @@ class Driver(Closing):
                 self._turn(period)
             except Exception as error:
                 # The robot stands, and whatever went wrong is tried again: this thread must not end.
-                self._gate.hold(f"the driving loop failed: {error}")
+                self._hold(f"the driving loop failed: {error}")
                 if self.error != str(error):
                     log.exception("the driving loop failed")
                 self.error = str(error)
@@ -140,21 +151,23 @@ class Driver(Closing):
         now = time.monotonic()
         wish = self._wish
         if now - wish.made > self._patience:
-            self._gate.hold(f"the decision loop has been silent for more than {self._patience:g} s")
+            self._hold(f"the decision loop has been silent for more than {self._patience:g} s")
             return
         if wish.free and self._planner is None:
+            self._held = ("", "")
             self._gate.resume()
             return
         if not (wish.route and self._may_move()):
             self._route = ()
-            self._gate.hold(wish.hold or "no order to move")
+            self._hold(wish.hold or "no order to move")
             return
         faults = self._health.check(now)
         pose = self._surroundings.pose
         if faults or pose is None:
-            self._gate.hold(faults[0].reason if faults else "there is no pose yet")
+            self._hold(faults[0].reason if faults else "there is no pose yet")
             return
         if self._planner is None:
+            self._held = ("", "")
             self._gate.resume()
             return
         if wish.route[0] not in self._route:
@@ -165,6 +178,7 @@ class Driver(Closing):
         reach = self._config.driving.costmap_size / 2.0
         obstacles = self._surroundings.obstacles_near(pose, reach)
         command = self._planner.command(pose, self._velocity(), wish.route, obstacles, period)
+        self._held = ("", "")
         self._gate.wish(command.linear, command.angular)
         if command.blocked and not self._told_blocked:
             self._told_blocked = True

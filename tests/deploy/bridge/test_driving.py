@@ -1,0 +1,45 @@
+"""A bridge that drives by itself: velocities on the bus, through the watchdog."""
+
+import threading
+import time
+
+import pytest
+
+from deploy.bridge.bridge import Bridge
+from tests.common.bus.processes import eventually
+from tests.common.planners.worlds import DEAD_END
+from tests.deploy.bridge.robots import FakeRobot, network
+
+MAPPING = {"resolution": 0.25, "viewpoint_spacing": 2.0, "sensor_range": 10.0, "beacon_range": 10.0}
+
+
+@pytest.mark.timeout(180)
+def test_it_drives_by_velocities_and_a_pause_is_zero_velocity():
+    router, config = network(
+        mapping=MAPPING, driving={"enabled": True, "robot_radius": 0.2}, topics={"stop": "", "velocity": "/cmd_vel"}
+    )
+    stop = threading.Event()
+    with FakeRobot(DEAD_END, router, by_velocity=True) as robot, Bridge(config) as bridge:
+        thread = threading.Thread(target=bridge.run, args=(stop,))
+        thread.start()
+        try:
+            assert eventually(lambda: bool(robot.status) and robot.status["scans"] > 3)
+            assert all(velocity == (0.0, 0.0) for _, velocity in robot.velocities)
+            start = robot.pose
+            robot.say("start")
+            assert eventually(lambda: start.distance_to(robot.pose.position) > 2.0, 60)
+            assert max(linear for _, (linear, _) in robot.velocities) <= config.driving.max_speed + 1e-6
+            robot.say("pause")
+            assert eventually(lambda: robot.answers[-1]["command"] == "pause")
+            told = time.monotonic()
+            assert eventually(lambda: robot.velocities[-1][1] == (0.0, 0.0), 5)
+            assert time.monotonic() - told < 2.0
+            here = robot.pose
+            time.sleep(0.5)
+            assert here.distance_to(robot.pose.position) < 0.05
+            robot.say("resume")
+            assert eventually(lambda: here.distance_to(robot.pose.position) > 0.5, 60)
+        finally:
+            stop.set()
+            thread.join()
+    assert robot.velocities[-1][1] == (0.0, 0.0)
