@@ -64,7 +64,7 @@ def bridge(
     overrides: Overrides = None,
     planner: Annotated[str | None, typer.Option("--planner", help="Planner, see `hd-eval planners`.")] = None,
     policy: Annotated[
-        Path | None, typer.Option("--policy", help="Weights of a trained policy (.safetensors); means hdplanner.")
+        Path | None, typer.Option("--policy", help="A trained policy (.safetensors or .onnx); means hdplanner.")
     ] = None,
     goal: Annotated[
         str | None, typer.Option("--goal", help="Go to this place instead of exploring, metres.", metavar="X,Y")

@@ -193,7 +193,8 @@ class DecisionConfig(Section):
     planner: str = "greedy"
     """Name of the planner (`hd-eval planners`); `hdplanner` for a trained policy."""
     policy: str | None = None
-    """Weights of `hdplanner`: a .safetensors file with its card, as `hd-learner export` writes them."""
+    """Weights of `hdplanner`: a .safetensors file with its card, or an .onnx file, as `hd-learner export` writes them;
+    the shipped ones when not given."""
     live_run: str | None = None
     """Take the weights of `hdplanner` live from the learner of this run, and only when it is named here."""
     live_connect: tuple[str, ...] = ()

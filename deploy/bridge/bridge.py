@@ -103,7 +103,7 @@ class Bridge(Closing):
         self._team = make_team(config)
         self._mission = Mission(config.decision.task, config.decision.goal)
         warm_up(config, self._team.members(config.decision.task))
-        self._map = RobotMap(with_planning_set(config, self._team), config.decision.goal)
+        self._map = RobotMap(with_planning_set(config, self._team), self._mission.orders.target)
         self._health = HealthMonitor(config.safety, sensor=config.sensing.source)
         self._inputs = Inputs(config, self._map, self._health)
         self._loop = DecisionLoop(config, self._map, self._team, self._mission, self._health)

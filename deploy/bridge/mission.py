@@ -76,11 +76,11 @@ class Mission:
 
         Args:
             task: exploration or navigation.
-            target: of navigation, when it is known already.
+            target: of navigation, when it is known already; an exploration has none.
         """
         self.task = task
         self._lock = threading.Lock()
-        self._orders = Orders(target=target)
+        self._orders = Orders(target=target if task == "navigation" else None)
 
     @property
     def orders(self) -> Orders:

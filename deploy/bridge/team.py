@@ -44,7 +44,7 @@ class PlannerTeam:
         self._fallback = fallback
         self._home = home
         self._relief = relief
-        self._episode: tuple[TaskName, Position | None] = ("exploration", None)
+        self._episode: tuple[TaskName, Position | None] | None = None
         self._homing = False
         self._until = float("-inf")
         self.why_relieved = ""
@@ -58,7 +58,8 @@ class PlannerTeam:
     @main.setter
     def main(self, planner: Planner) -> None:
         """Put another planner in charge; it begins with the episode of this moment."""
-        planner.reset(*self._episode, 0)
+        if self._episode is not None:
+            planner.reset(*self._episode, 0)
         self._main = planner
 
     def members(self, task: TaskName) -> list[tuple[Planner, TaskName]]:
@@ -84,7 +85,7 @@ class PlannerTeam:
 
     def relieve(self, now: float, why: str) -> None:
         """Put the fallback in charge for a while."""
-        if self._homing:
+        if self._homing or self._episode is None:
             return
         log.warning(
             "planner %s is relieved by %s for %g s: %s", self._main.name, self._fallback.name, self._relief, why

@@ -104,3 +104,8 @@ def test_commands_are_read_as_people_write_them(text, verb, arguments):
 def test_words_too_many_or_too_few_are_refused(text):
     with pytest.raises(CommandError):
         parse(text)
+
+
+def test_an_exploration_has_no_target_even_if_one_is_named():
+    assert Mission("exploration", (3.0, 4.0)).orders.target is None
+    assert Mission("navigation", (3.0, 4.0)).orders.target == (3.0, 4.0)
