@@ -1,6 +1,7 @@
 """Profiles, precedence and messages of a robot's parameters, and the page that documents them."""
 
 import json
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from common.config.describe import to_toml
 from common.config.load import load_config
 from common.errors import ConfigError
+from deploy import profiles
 from deploy.config import DeployConfig
 from deploy.profiles import DEPLOY, documentation, load_deploy_config
 
@@ -102,3 +104,13 @@ def test_a_wrong_parameter_is_explained(overrides, profile, words):
 
 def test_defaults_are_the_papers_robot():
     assert (DeployConfig().mapping.resolution, DeployConfig().mapping.viewpoint_spacing) == (0.2, 1.0)
+
+
+@pytest.mark.parametrize("name", DEPLOY.preset_names())
+def test_the_page_of_a_profile_names_its_topics(name):
+    page = (PAGE.parent / f"{name}.md").read_text("utf-8")
+    profile = tomllib.loads((Path(profiles.__file__).parent / f"{name}.toml").read_text("utf-8"))
+    for topic in filter(None, profile.get("topics", {}).values()):
+        assert topic.lstrip("/") in page
+    assert f"Profile `{name}`" in page
+    assert "```mermaid" in page
