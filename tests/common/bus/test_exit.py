@@ -24,6 +24,8 @@ from contextlib import ExitStack
 from common.messages.experience import EpisodeReport
 from common.messages.weights import Weights
 
+# A shell that starts its jobs in the background lets them ignore the interrupt.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 report = EpisodeReport("exploration", "rooms-7", "grid", "train", "policy", 3, 41, 260.5, True, 1.0, 12.5, 0, 3.5)
 weights = Weights.of({}, learner=1, version=1, updates=1)
 config = BusConfig(listen=sys.argv[1])
