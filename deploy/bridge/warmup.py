@@ -33,7 +33,9 @@ def warm_up(config: DeployConfig, planners: list[tuple[Planner, TaskName]]) -> N
     began = time.perf_counter()
     warm_up_mapping()
     target = (10.0, 10.0)
-    robot_map = RobotMap(config, target)
+    # Poses come from here, whatever the robot's own source of them is.
+    sensing = config.sensing.model_copy(update={"pose": "odometry"})
+    robot_map = RobotMap(config.model_copy(update={"sensing": sensing}), target)
     free = np.zeros((60, 60), dtype=np.bool_)
     free[2:58, 2:58] = True
     free[20:40, 34] = False
