@@ -204,6 +204,8 @@ class DecisionConfig(Section):
     fallback: str | None = None
     """Classical planner that takes over when the planner fails, loops or makes no progress; `nearest` for exploration
     and `astar` for navigation when not given."""
+    relief: Positive = 30.0
+    """How long the fallback decides then, seconds."""
     rate: Positive = 2.0
     """Decisions per second while the robot stands, and at most between two arrivals, Hz."""
     replan: Literal["seen", "always"] = "seen"

@@ -156,5 +156,5 @@ def make_team(config: DeployConfig, main: Planner | None = None) -> PlannerTeam:
         main or make_planner(decision.planner, config.mapping, **settings),
         make_planner(fallback, config.mapping),
         make_planner(HOME_PLANNER, config.mapping),
-        config.safety.blacklist_time,
+        decision.relief,
     )

@@ -143,7 +143,7 @@ def test_a_planner_that_fails_is_relieved_by_the_fallback_and_tried_again_later(
     def decide(asked, mapper, pose):
         raise ZeroDivisionError("no such thing")
 
-    trial = started(ROOMS, Scripted(decide), safety={"blacklist_time": 5.0})
+    trial = started(ROOMS, Scripted(decide), decision={"relief": 5.0})
     first = trial.tick()
     assert first.course is None
     assert "scripted failed: ZeroDivisionError" in first.hold
