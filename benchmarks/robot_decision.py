@@ -104,9 +104,7 @@ def measure(config: DeployConfig, planner: Planner | None, world_source: str, se
 def main() -> None:
     """Run the benchmark and print its table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--planner", default="greedy", help="name, or random:WIDTHxLAYERS (weights)"
-    )
+    parser.add_argument("--planner", default="greedy", help="name, or random:WIDTHxLAYERS (weights)")
     parser.add_argument("--policy", type=Path, default=None)
     parser.add_argument("--world", default=WORLD)
     parser.add_argument("--seconds", type=float, default=400.0)

@@ -99,7 +99,9 @@ def test_a_robot_knows_verbs_of_its_own_and_a_learner_does_not(sessions):
         ControlServer(learner, "r2", lambda command: dict(command.arguments), verbs=ROBOT_VERBS),
     ):
         assert request(client, "r2", "goal", arguments={"x": 1.5, "y": 2.0}, asked="robot") == {"x": 1.5, "y": 2.0}
-        with pytest.raises(BusError, match="the robot 'r2' refused 'checkpoint': a command must be one of status, start"):
+        with pytest.raises(
+            BusError, match="the robot 'r2' refused 'checkpoint': a command must be one of status, start"
+        ):
             request(client, "r2", "checkpoint", asked="robot")
         with pytest.raises(BusError, match="refused 'return_home'"):
             request(client, "run", "return_home")
