@@ -84,7 +84,10 @@ def test_an_mp4_is_written(folder, tmp_path):
     ("arguments", "word"),
     [
         (["run", "--planner", "gredy", *WHERE, "--out", "x"], "did you mean 'greedy'"),
-        (["run", "--planner", "hdplanner", *WHERE, "--out", "x"], "hd-learner export"),
+        (
+            ["run", "--planner", "hdplanner", "--policy", "no.safetensors", *WHERE, "--out", "x"],
+            "cannot read the policy",
+        ),
         (["run", "--planner", "greedy", "--maps", "nowhere/", "--out", "x"], "no such folder"),
         (["run", "--planner", "greedy", *WHERE, "--set", "task.max_step=3", "--out", "x"], "max_step"),
         (["table", "nowhere"], "hd-eval run"),

@@ -7,7 +7,7 @@ from actors.evaluation.journal import Journal
 from actors.evaluation.results import ResultsError, read_results
 from actors.evaluation.runner import Evaluation
 from actors.evaluation.worker import Worker
-from common.errors import ConfigError, MapError
+from common.errors import CheckpointError, ConfigError, MapError
 from tests.actors.evaluation.small import settings
 
 OWN = "tests.actors.evaluation.small"
@@ -114,8 +114,8 @@ def test_processes_that_die_or_hang_are_replaced(tmp_path):
 def test_mistakes_are_found_before_the_work_starts(tmp_path):
     with pytest.raises(ConfigError, match="greedy"):
         Evaluation(settings(), ["gredy"], tmp_path)
-    with pytest.raises(ConfigError, match="--policy"):
-        Evaluation(settings(), ["hdplanner"], tmp_path)
+    with pytest.raises(CheckpointError, match="cannot read the policy"):
+        Evaluation(settings(policy="no.safetensors"), ["hdplanner"], tmp_path)
     with pytest.raises(ConfigError, match="exploration, not navigation"):
         Evaluation(settings(task={"name": "navigation"}), ["greedy"], tmp_path)
     with pytest.raises(ConfigError, match="MODULE:CLASS"):
