@@ -134,7 +134,7 @@ class Collector:
         """
         cloning = self.config.cloning
         imitating = self._updates < cloning.updates
-        label = imitating or cloning.anchor_weight > 0.0
+        label = imitating or self.config.labelled
         driver: Driver = self._policy_driver
         if imitating and self._rng.random() < cloning.expert_episodes:
             driver = self._expert_driver

@@ -168,7 +168,9 @@ class Trainer:
         if self.cloning:
             batch = self.replay.sample_labelled(size, self._rng)
         else:
-            batch = self.replay.sample(size, self._rng, steps=sac.n_step, gamma=sac.gamma)
+            batch = self.replay.sample(
+                size, self._rng, steps=sac.n_step, gamma=sac.gamma, labelled=sac.privileged_critic
+            )
         self.recorder.note("time/sample_ms", 1e3 * (time.perf_counter() - began))
         return batch
 

@@ -44,7 +44,7 @@ def warm_up(config: RunConfig, device: torch.device) -> None:
     algorithm = SacLearner(small, device)
     algorithm.update(replay.sample_labelled(4, rng))
     for _ in range(2):
-        algorithm.update(replay.sample(4, rng))
+        algorithm.update(replay.sample(4, rng, labelled=config.sac.privileged_critic))
     if (seconds := time.monotonic() - began) > _SLOW_SECONDS:
         logger.info("the kernels are ready after %.0f s", seconds)
 

@@ -22,6 +22,7 @@ def random_transitions(
     after = random_batch(rng, count, viewpoints, targets)
     terminal = rng.random(count) < 0.1
     marks = rng.random(count) < labelled
+    next_marks = rng.random(count) < labelled
     return TransitionBatch(
         observations=now,
         next_observations=after,
@@ -33,6 +34,8 @@ def random_transitions(
         next_valid=terminal | (rng.random(count) < 0.95),
         labelled=marks,
         labels=_labels(rng, now, marks) if marks.any() else None,
+        next_labelled=next_marks,
+        next_labels=_labels(rng, after, next_marks) if next_marks.any() else None,
     )
 
 

@@ -209,6 +209,9 @@ class SacConfig(Section):
     """Tune the temperatures to the target entropy; otherwise they stay at `initial_temperature`."""
     critic_only_updates: Annotated[int, Field(ge=0)] = 0
     """First updates that train only the critics, for a policy that starts from imitation."""
+    privileged_critic: bool = False
+    """The critics are told what the true map makes of each waypoint, the expert's detour, which is the next reward with
+    the `potential` reward; they learn only what comes after it. The policy stays as it is. Actors label every step."""
     huber_delta: Positive | None = 10.0
     """Critic loss: Huber with this delta, or plain squared error when null."""
     clip_norm: Positive = 10.0
@@ -395,6 +398,19 @@ class RunConfig(Section):
         if not ID_PATTERN.fullmatch(value):
             raise ValueError("use 1 to 64 lower-case letters, digits and dashes, such as 'office-2'")
         return value
+
+    @model_validator(mode="after")
+    def _privileged_critic_has_its_reward(self) -> RunConfig:
+        if self.sac.privileged_critic and self.reward.kind != "potential":
+            raise ValueError(
+                "sac.privileged_critic needs the reward that it is told in advance: set reward.kind to 'potential'"
+            )
+        return self
+
+    @property
+    def labelled(self) -> bool:
+        """Whether every training step carries the privileged expert's labels, after the imitation stage too."""
+        return self.cloning.anchor_weight > 0.0 or self.sac.privileged_critic
 
     @property
     def tasks(self) -> tuple[TaskConfig, ...]:

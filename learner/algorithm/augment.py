@@ -89,29 +89,39 @@ def augment(batch: TransitionBatch, rng: np.random.Generator) -> TransitionBatch
 def transform_transitions(batch: TransitionBatch, symmetries: NDArray[np.int64]) -> TransitionBatch:
     """Apply one symmetry, 0 .. 7, to each transition; shape of ``symmetries`` (k,)."""
     observations, numbers = transform_observations(batch.observations, symmetries)
-    next_observations, _ = transform_observations(batch.next_observations, symmetries)
-    labels = batch.labels
-    if labels is not None:
-        cost = np.empty_like(labels.cost)
-        _permute_costs(
-            symmetries,
-            BITS,
-            batch.observations.count,
-            batch.observations.edges,
-            batch.observations.robot,
-            _target_in_reach(batch.observations),
-            labels.cost,
-            cost,
-        )
-        labels = ExpertLabels(cost=cost, beacon=_renumber(labels.beacon, numbers, observations.count))
+    next_observations, next_numbers = transform_observations(batch.next_observations, symmetries)
     return replace(
         batch,
         observations=observations,
         next_observations=next_observations,
         beacons=_renumber(batch.beacons, numbers, observations.count),
         waypoints=_renumber(batch.waypoints, numbers, observations.count),
-        labels=labels,
+        labels=_transform_labels(batch.labels, batch.observations, symmetries, numbers),
+        next_labels=_transform_labels(batch.next_labels, batch.next_observations, symmetries, next_numbers),
     )
+
+
+def _transform_labels(
+    labels: ExpertLabels | None,
+    observations: ObservationBatch,
+    symmetries: NDArray[np.int64],
+    numbers: NDArray[np.int32],
+) -> ExpertLabels | None:
+    """Reorder the costs as the waypoints are, and renumber the beacons; ``observations`` are those of before."""
+    if labels is None:
+        return None
+    cost = np.empty_like(labels.cost)
+    _permute_costs(
+        symmetries,
+        BITS,
+        observations.count,
+        observations.edges,
+        observations.robot,
+        _target_in_reach(observations),
+        labels.cost,
+        cost,
+    )
+    return ExpertLabels(cost=cost, beacon=_renumber(labels.beacon, numbers, observations.count))
 
 
 def _renumber(nodes: NDArray[np.int32], numbers: NDArray[np.int32], count: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -32,6 +32,8 @@ class TransitionBatch:
         labels: the expert's costs for the waypoints of *all* k observations, behind one another in the order of
             `Observation.waypoint_nodes` (zeros where not labelled), and its beacons (-1 where not labelled); None
             when no observation is labelled.
+        next_labelled: an expert labelled o', bool, shape (k,).
+        next_labels: the expert's labels of the o', as in `labels`; None where they were not asked for.
     """
 
     observations: ObservationBatch
@@ -44,6 +46,8 @@ class TransitionBatch:
     next_valid: NDArray[np.bool_]
     labelled: NDArray[np.bool_]
     labels: ExpertLabels | None
+    next_labelled: NDArray[np.bool_]
+    next_labels: ExpertLabels | None = None
 
     def __len__(self) -> int:
         return len(self.rewards)

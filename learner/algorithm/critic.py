@@ -60,7 +60,17 @@ class HierarchicalCritic(nn.Module):
         self.first = CriticHead(config)
         self.second = CriticHead(config)
 
-    def forward(self, batch: GraphBatch) -> tuple[Tensor, Tensor]:
-        """Return both Q of every pair of the batch, float32, shape (total pairs,) each."""
+    def forward(self, batch: GraphBatch, known: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Return both Q of every pair of the batch, float32, shape (total pairs,) each.
+
+        Args:
+            batch: the observations.
+            known: what is known beforehand of the Q of each waypoint slot, shape (total waypoints,): the reward that
+                a privileged critic is told. The networks then learn the rest, what comes after that reward.
+        """
         nodes = self.encoder(batch)
-        return self.first(nodes, batch), self.second(nodes, batch)
+        first, second = self.first(nodes, batch), self.second(nodes, batch)
+        if known is None:
+            return first, second
+        offset = known.index_select(0, batch.pair_waypoint)
+        return first + offset, second + offset

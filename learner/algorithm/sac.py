@@ -99,7 +99,7 @@ class SacLearner:
         if self.config.learner.augment:
             batch = augment(batch, self._rng)
         stage = self.stage
-        sample = Sample.make(batch, self.config.network, self.device, bootstrap=stage != "cloning")
+        sample = Sample.make(batch, self.config, self.device, bootstrap=stage != "cloning")
         metrics: dict[str, Tensor] = {}
         if stage == "cloning":
             self._imitate(sample, metrics)
@@ -192,12 +192,12 @@ class SacLearner:
         if sample.after is not None:
             with torch.no_grad(), self._precision():
                 after_output = self.policy(sample.after)
-                next_q = torch.minimum(*self.target(sample.after))
+                next_q = torch.minimum(*self.target(sample.after, sample.told_after))
             value = soft_value(after_output, next_q, *self._alphas(), sample.after)
             next_value[sample.bootstrapped] = value
         goal = critic_target(sample.rewards, sample.terminal, next_value, sample.discounts)[sample.learnable]
         with self._precision():
-            first, second = self.critic(sample.now)
+            first, second = self.critic(sample.now, sample.told)
         chosen = sample.chosen[sample.learnable]
         loss = critic_loss(first[chosen], goal, sac.huber_delta) + critic_loss(second[chosen], goal, sac.huber_delta)
         metrics["gradient/critic"] = self._optimisers["critic"].step(loss, self._rate(self.config.adam.critic))
@@ -214,7 +214,7 @@ class SacLearner:
         loss = policy_loss(output, q, *self._alphas(), sample.now)
         metrics["loss/policy"] = loss
         if config.contrastive_weight > 0.0:
-            contrast = self._contrast(sample.now, output, q)
+            contrast = self._contrast(sample, output, q)
             metrics["loss/contrastive"] = contrast
             loss = loss + config.contrastive_weight * contrast
         if config.cloning.anchor_weight > 0.0 and sample.guidance is not None:
@@ -226,12 +226,12 @@ class SacLearner:
         self._note_entropies(output, sample.now, metrics)
         return output
 
-    def _contrast(self, batch: GraphBatch, output: PolicyOutput, q: Tensor) -> Tensor:
+    def _contrast(self, sample: Sample, output: PolicyOutput, q: Tensor) -> Tensor:
         """Contrastive joint optimisation (Algorithm 2); whether Q or target Q judges is drawn once an update."""
-        config = self.config.contrastive
+        config, batch = self.config.contrastive, sample.now
         if self._rng.random() >= config.epsilon:
             with torch.no_grad(), self._precision():
-                q = torch.minimum(*self.target(batch))
+                q = torch.minimum(*self.target(batch, sample.told))
         chance = torch.from_numpy(self._rng.random(len(batch.waypoint_rows), dtype=np.float32)).to(self.device)
         with torch.no_grad():
             ones = torch.ones_like(q)

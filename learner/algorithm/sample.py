@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from common.config.schema import NetworkConfig
+from common.config.schema import RunConfig
 from common.network.graph_batch import GraphBatch
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.cloning import Guidance
+from learner.replay.gather import waypoint_counts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,6 +30,9 @@ class Sample:
         discounts: shape (k,).
         terminal: shape (k,).
         guidance: the expert's labels, None without any.
+        told: what a privileged critic is told of each waypoint slot of ``now``: minus its detour in units of reward,
+            shape (total waypoints,); None for critics that are told nothing.
+        told_after: likewise of ``after``.
     """
 
     now: GraphBatch
@@ -39,25 +44,41 @@ class Sample:
     discounts: Tensor
     terminal: Tensor
     guidance: Guidance | None
+    told: Tensor | None
+    told_after: Tensor | None
 
     @classmethod
-    def make(cls, batch: TransitionBatch, network: NetworkConfig, device: torch.device, bootstrap: bool) -> Sample:
+    def make(cls, batch: TransitionBatch, config: RunConfig, device: torch.device, bootstrap: bool) -> Sample:
         """Build graphs and slots on the host and move them to the device.
 
         Args:
             batch: what the replay buffer drew.
-            network: the network that reads it.
+            config: the networks that read it, and what the critics are told.
             device: where to.
             bootstrap: also prepare o', which imitation does not need.
 
         Raises:
-            ValueError: a chosen node is no beacon or waypoint of its observation.
+            ValueError: a chosen node is no beacon or waypoint of its observation; a privileged critic shall learn
+                from a transition without labels.
         """
-        now = GraphBatch.from_observations(batch.observations, network)
-        known = batch.next_valid & ~batch.terminal
+        privileged = bootstrap and config.sac.privileged_critic
+        now = GraphBatch.from_observations(batch.observations, config.network)
+        usable = batch.next_valid
+        told = told_after = None
+        if privileged:
+            if batch.labels is None or batch.next_labels is None or not batch.labelled.all():
+                raise ValueError("a privileged critic learns from labelled transitions alone: sample those")
+            # The o' of a time limit has no labels, because nothing was decided there.
+            usable = usable & (batch.next_labelled | batch.terminal)
+            told = _told(batch.labels.cost, config).to(device)
+        known = usable & ~batch.terminal
         after = None
         if bootstrap and known.any():
-            after = GraphBatch.from_observations(batch.next_observations.select(known), network).to(device)
+            graphs = GraphBatch.from_observations(batch.next_observations.select(known), config.network)
+            if privileged and batch.next_labels is not None:
+                choices = waypoint_counts(batch.next_observations)
+                told_after = _told(batch.next_labels.cost[np.repeat(known, choices)], config).to(device)
+            after = graphs.to(device)
         guidance = None
         if batch.labels is not None and batch.labelled.any():
             guidance = Guidance(
@@ -69,10 +90,18 @@ class Sample:
             now=now.to(device),
             after=after,
             bootstrapped=torch.from_numpy(np.flatnonzero(known)).to(device),
-            learnable=torch.from_numpy(np.flatnonzero(batch.next_valid | batch.terminal)).to(device),
+            learnable=torch.from_numpy(np.flatnonzero(usable | batch.terminal)).to(device),
             chosen=torch.from_numpy(now.arrays.pair_index(batch.beacons, batch.waypoints)).to(device),
             rewards=torch.from_numpy(batch.rewards).to(device),
             discounts=torch.from_numpy(batch.discounts).to(device),
             terminal=torch.from_numpy(batch.terminal).to(device),
             guidance=guidance,
+            told=told,
+            told_after=told_after,
         )
+
+
+def _told(cost: NDArray[np.float32], config: RunConfig) -> Tensor:
+    """Minus the detours in units of the potential reward; dead ends count as the imitation loss counts them."""
+    largest = config.cloning.max_cost * config.cloning.cost_scale
+    return torch.from_numpy(-np.minimum(cost, largest) / np.float32(config.reward.potential_scale))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from common.messages.experience import Chunk, Delivery, End, ExpertLabels
 from common.observation import ObservationBatch
 from learner.algorithm.batch import TransitionBatch
-from learner.replay.gather import count_choices, gather_viewpoints
+from learner.replay.gather import gather_viewpoints, waypoint_counts
 from learner.replay.memory import SlotColumns, ViewpointRing, plan_memory
 
 T = TypeVar("T", bound=np.generic)
@@ -101,7 +101,13 @@ class Replay:
         return chunk.steps
 
     def sample(
-        self, batch_size: int, rng: np.random.Generator, *, steps: int = 1, gamma: float = 0.99
+        self,
+        batch_size: int,
+        rng: np.random.Generator,
+        *,
+        steps: int = 1,
+        gamma: float = 0.99,
+        labelled: bool = False,
     ) -> TransitionBatch:
         """Draw transitions uniformly with replacement.
 
@@ -110,13 +116,17 @@ class Replay:
             rng: source of chance.
             steps: rewards that are summed; fewer where the episode ends or its next step is not here.
             gamma: discount factor.
+            labelled: only transitions that an expert labelled, with the labels of both observations.
 
         Raises:
-            ValueError: when the buffer holds no transition.
+            ValueError: when the buffer holds no such transition.
         """
         with self._lock:
-            drawn = self._draw(self._columns.successor >= 0, batch_size, rng, "transition")
-            return self._batch(drawn, steps, gamma)
+            candidates = self._columns.successor >= 0
+            if labelled:
+                candidates &= self._columns.labelled
+            drawn = self._draw(candidates, batch_size, rng, "labelled transition" if labelled else "transition")
+            return self._batch(drawn, steps, gamma, labelled)
 
     def sample_labelled(self, batch_size: int, rng: np.random.Generator) -> TransitionBatch:
         """Draw steps that an expert labelled, uniformly with replacement; their successor may be unknown.
@@ -125,7 +135,7 @@ class Replay:
             ValueError: when the buffer holds no labelled step.
         """
         with self._lock:
-            return self._batch(self._draw(self._columns.labelled, batch_size, rng, "labelled step"), 1, 1.0)
+            return self._batch(self._draw(self._columns.labelled, batch_size, rng, "labelled step"), 1, 1.0, False)
 
     @property
     def labelled(self) -> int:
@@ -147,7 +157,7 @@ class Replay:
         first_arrival = self._next
         ends = np.concatenate(([0], np.cumsum(batch.count, dtype=np.int64)))
         link_ends = np.concatenate(([0], np.cumsum(batch.link_count, dtype=np.int64)))
-        choices = count_choices(ends, batch.robot, batch.edges, batch.target_known, link_ends, batch.target_links)
+        choices = waypoint_counts(batch)
         if int(ends[-1]) <= ViewpointRing.LARGEST_PIECE // 2:
             self._store_piece(batch, 0, len(batch), ends, link_ends, choices)
         else:
@@ -297,7 +307,7 @@ class Replay:
         shift = int(np.searchsorted(rows, self._oldest % self._slots))
         return rows[(rng.integers(len(rows), size=batch_size) + shift) % len(rows)]
 
-    def _batch(self, rows: NDArray[np.int64], steps: int, gamma: float) -> TransitionBatch:
+    def _batch(self, rows: NDArray[np.int64], steps: int, gamma: float, judged: bool) -> TransitionBatch:
         columns = self._columns
         successor = columns.successor[rows]
         valid = successor >= 0
@@ -312,6 +322,7 @@ class Replay:
             discounts[onward] *= gamma
             following[onward] = columns.successor[following[onward]] % self._slots
         labelled = columns.labelled[rows]
+        next_labelled = columns.labelled[following] & valid
         return TransitionBatch(
             observations=self._gather(rows),
             next_observations=self._gather(following),
@@ -323,6 +334,8 @@ class Replay:
             next_valid=valid,
             labelled=labelled,
             labels=self._labels(rows, labelled) if labelled.any() else None,
+            next_labelled=next_labelled,
+            next_labels=self._labels(following, next_labelled) if judged else None,
         )
 
     def _gather(self, rows: NDArray[np.int64]) -> ObservationBatch:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.jit import njit
+from common.observation import ObservationBatch
 
 
 @njit(cache=True, nogil=True)
@@ -36,8 +37,15 @@ def gather_viewpoints(
         at += rows
 
 
+def waypoint_counts(batch: ObservationBatch) -> NDArray[np.int32]:
+    """Number of waypoints of each observation, as `Observation.waypoint_nodes` lists them, int32, shape (k,)."""
+    first = np.concatenate(([0], np.cumsum(batch.count, dtype=np.int64)))
+    link_first = np.concatenate(([0], np.cumsum(batch.link_count, dtype=np.int64)))
+    return _count_waypoints(first, batch.robot, batch.edges, batch.target_known, link_first, batch.target_links)
+
+
 @njit(cache=True, nogil=True)
-def count_choices(
+def _count_waypoints(
     first: NDArray[np.int64],
     robot: NDArray[np.int32],
     edges: NDArray[np.uint32],
@@ -45,16 +53,6 @@ def count_choices(
     link_first: NDArray[np.int64],
     links: NDArray[np.uint16],
 ) -> NDArray[np.int32]:
-    """Number of waypoints of each observation of a batch, as `Observation.waypoint_nodes` lists them.
-
-    Args:
-        first: first viewpoint row of each observation, shape (k + 1,).
-        robot: node numbers, shape (k,).
-        edges: masks of all viewpoints.
-        target_known: shape (k,).
-        link_first: first target link of each observation, shape (k + 1,).
-        links: target links of all observations.
-    """
     choices = np.zeros(len(robot), dtype=np.int32)
     for i in range(len(robot)):
         mask = edges[first[i] + robot[i]]
