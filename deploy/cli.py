@@ -18,13 +18,13 @@ from common.config.describe import to_markdown, to_toml
 from common.errors import BusError
 from common.logs import setup_logging
 from deploy.bridge.words import parse
-from deploy.config import DeployConfig, RosConfig
+from deploy.config import DeployConfig
 from deploy.profiles import DEPLOY, load_deploy_config
 from deploy.recording.cli import app as recording_app
 from deploy.robot.cli import DEMO_EXAMPLES, demo, robot
 from deploy.robot.cli import EXAMPLES as ROBOT_EXAMPLES
 from deploy.ros2.graph import watch
-from deploy.ros2.session import open_session
+from deploy.ros2.session import guest_of, open_session
 
 app = typer.Typer(
     add_completion=True,
@@ -139,10 +139,10 @@ def command(
     verb, arguments = parse(" ".join(words))
     resolved = _load(profile, config, overrides, connect, name)
     try:
-        with open_session(_as_guest(resolved.ros)) as session:
+        with open_session(guest_of(resolved.ros)) as session:
             status = request(session, resolved.name, verb, timeout, arguments, asked="robot")
     except BusError as error:
-        raise BusError(f"{error} (asked at {', '.join(_as_guest(resolved.ros).connect)})") from None
+        raise BusError(f"{error} (asked at {', '.join(guest_of(resolved.ros).connect)})") from None
     if as_json:
         typer.echo(json.dumps(status, indent=2))
     elif verb == "status":
@@ -165,11 +165,11 @@ def topics(
     Example: `hd-deploy topics --profile cmu --connect tcp/192.168.1.5:7447`
     """
     resolved = _load(profile, config, overrides, connect, None)
-    graph = watch(_as_guest(resolved.ros), wait)
+    graph = watch(guest_of(resolved.ros), wait)
     console = Console()
     if not graph.nodes and not graph.endpoints:
         raise BusError(
-            f"nobody shows up at {', '.join(_as_guest(resolved.ros).connect)}: check the endpoint, ros.domain "
+            f"nobody shows up at {', '.join(guest_of(resolved.ros).connect)}: check the endpoint, ros.domain "
             f"({resolved.ros.domain}) and that the robot's RMW is rmw_zenoh, or a zenoh-bridge-ros2dds runs"
         )
     console.print(f"nodes: {', '.join(node.name for node in graph.nodes) or 'none'}")
@@ -229,13 +229,6 @@ def _load(
 
 def _names(overrides: Sequence[str] | None, path: str) -> bool:
     return any(text.partition("=")[0].strip() == path for text in overrides or ())
-
-
-def _as_guest(ros: RosConfig) -> RosConfig:
-    """Return the settings of a command, which connects to a bridge that is the router itself, too."""
-    if not ros.listen:
-        return ros
-    return ros.model_copy(update={"listen": (), "connect": (*ros.listen, *ros.connect)})
 
 
 def _needed(config: DeployConfig) -> list[str]:

@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("pybullet", reason="PyBullet is not installed")
 
 from deploy.profiles import load_deploy_config
+from deploy.robot.demo import default_planner
 from deploy.robot.deployment import Deployment
 from deploy.robot.options import RobotOptions
 from deploy.robot.trial import Trial
@@ -17,15 +18,15 @@ from deploy.robot.trial import Trial
 # A part of it cannot be seen from the start, so the robot has to drive.
 SMALL = "generator:rooms?width=256&height=256&seed=5"
 OFFICE = "generator:office?width=192&height=192"
-# Three bus and robot variants share the seeds of each task, so that both key layouts and all ways to drive are met.
-VARIANTS = [("bare", "rmw_zenoh"), ("bare", "ros2dds"), ("cmu", "rmw_zenoh")]
+# The bus and robot variants share the seeds of each task, so that both key layouts and all ways to drive are met.
+VARIANTS = [("bare", "rmw_zenoh"), ("bare", "ros2dds"), ("cmu", "rmw_zenoh"), ("nav2", "rmw_zenoh")]
 
 
-def run(tmp_path, task, world, profile, layout, seed, limit, **options):
+def run(tmp_path, task, world, profile, layout, seed, limit, planner=None, **options):
     trial = Trial(
         task,
         options=RobotOptions(map=world, seed=seed, range_noise=0.02, **options),
-        planner={"exploration": "greedy", "navigation": "astar"}[task],
+        planner=planner or default_planner(task),
         profile=profile,
         folder=tmp_path,
         settings=[f"ros.layout={layout}"],
