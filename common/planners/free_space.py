@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from math import hypot
 from typing import Final
 
 import numpy as np
@@ -20,6 +21,10 @@ from common.planners.optimistic import MARGIN, OptimisticGrid
 SHORTEST_LEG: Final = 0.125
 # Paths that one decision plans before it gives up: each one after the first knows one more doubtful cell.
 MAX_PATHS: Final = 12
+# A robot that is farther from its last waypoint than this, in spacings, was called off on the way and has not arrived.
+LARGEST_STOP: Final = 0.15
+# Bends that are so many times as near as the robot stops before its waypoints are passed over.
+STOP_MARGIN: Final = 1.25
 
 
 @njit(cache=True, nogil=True)
@@ -52,6 +57,12 @@ def connected(possible: NDArray[np.int8], start: tuple[int, int], goal: tuple[in
     return False
 
 
+def along(start: Position, goal: Position, metres: float) -> Position:
+    """Return the place so many metres from a start on the line to a goal, which lies elsewhere."""
+    part = metres / hypot(goal[0] - start[0], goal[1] - start[1])
+    return start[0] + part * (goal[0] - start[0]), start[1] + part * (goal[1] - start[1])
+
+
 class FreeSpacePlanner(NavigationPlanner):
     """A navigation planner whose path may bend anywhere: subclasses plan it, unknown space taken as free.
 
@@ -59,19 +70,28 @@ class FreeSpacePlanner(NavigationPlanner):
     last place before the first leg gets too long or leaves known free space. A leg that hardly begins meets a cell
     which the scan from right here could not resolve: it counts as an obstacle from then on, and the path is planned
     again.
+
+    A robot that stops a little before its waypoints does not move for a nearer one. How far before is seen from where
+    it stands after each leg; from a bend nearer than that the robot is sent on to the next leg, or past the bend.
     """
 
     grid: OptimisticGrid
+    _stop: float
 
     def begin(self, target: Position, seed: int) -> None:
         """Forget everything."""
         del target, seed
         self.grid = OptimisticGrid(MARGIN * self.config.viewpoint_spacing)
+        self._stop = 0.0
 
     def decide(self, mapper: Mapper, pose: Pose, target: Position) -> Plan:
         """Plan a path and return as much of it as may be driven now."""
         if not mapper.segment_free(pose.position, pose.position):
             return Plan(Status.STUCK, reason="the robot touches a cell that is not known to be free")
+        if self._asked is not None:
+            before = pose.distance_to(self._asked[1])
+            if before <= LARGEST_STOP * self.config.viewpoint_spacing:
+                self._stop = max(self._stop, before)
         for _ in range(MAX_PATHS):
             changed = self.grid.update(mapper.belief, pose.position, target)
             if not self.grid.possibly_free(target, target) or not connected(
@@ -111,35 +131,61 @@ class FreeSpacePlanner(NavigationPlanner):
     def _reach(self, mapper: Mapper, pose: Pose, path: list[Position]) -> Position | None:
         """Return how far along a path the robot may drive in one straight leg, or None when that is nowhere."""
         here = pose.position
-        bend: Position | None = None
+        seen = 0
         for place in path:
             if pose.distance_to(place) > self._longest or not mapper.segment_free(here, place):
                 break
-            bend = place
-        if bend is not None:
-            return bend
+            seen += 1
+        if seen:
+            bend = path[seen - 1]
+            near = pose.distance_to(bend) <= STOP_MARGIN * self._stop
+            return self._pass(mapper, pose, bend, path[seen]) if near and seen < len(path) else bend
         # The first leg is too long, or not known to be free all the way.
-        goal = path[0]
-        length = pose.distance_to(goal)
+        low, high = self._sight(mapper, here, path[0])
+        if low == high or low >= max(SHORTEST_LEG * self.config.viewpoint_spacing, STOP_MARGIN * self._stop):
+            return along(here, path[0], low)
+        self._doubt_around(along(here, path[0], high))
+        return None
 
-        def along(metres: float) -> Position:
-            part = metres / length
-            return here[0] + part * (goal[0] - here[0]), here[1] + part * (goal[1] - here[1])
+    def _pass(self, mapper: Mapper, pose: Pose, bend: Position, after: Position) -> Position | None:
+        """Return where to send a robot that stops before a bend which it is near to, or None when that is nowhere.
 
-        high = min(length, self._longest)
-        low = 0.0
-        if mapper.segment_free(here, along(high)):
-            return along(high)
+        Args:
+            mapper: what the robot knows.
+            pose: where the robot stands.
+            bend: in sight, metres.
+            after: the next bend, which is not.
+        """
+        here, near = pose.position, STOP_MARGIN * self._stop
+        low, high = self._sight(mapper, bend, after)
+        step = 0.5 * self.config.resolution
+        for metres in np.arange(low, 0.0, -step).tolist():
+            place = along(bend, after, metres)
+            if near < pose.distance_to(place) <= self._longest and mapper.segment_free(here, place):
+                return place
+        if low < high and low <= near:
+            # The next leg hardly begins, and will not be known better from the bend than from right before it.
+            self._doubt_around(along(bend, after, high))
+            return None
+        # The next leg is hidden behind a corner: a waypoint behind the bend brings the robot to the bend.
+        beyond = along(here, bend, pose.distance_to(bend) + self._stop) if here != bend else bend
+        return beyond if mapper.segment_free(here, beyond) else bend
+
+    def _sight(self, mapper: Mapper, start: Position, goal: Position) -> tuple[float, float]:
+        """Return how far a segment is known to be free, and where it no longer is, metres from its start.
+
+        Both are its length, or that of the longest leg, when it is free so far.
+        """
+        low, high = 0.0, min(hypot(goal[0] - start[0], goal[1] - start[1]), self._longest)
+        if mapper.segment_free(start, along(start, goal, high)):
+            return high, high
         while high - low > 0.05 * self.config.resolution:
             middle = 0.5 * (low + high)
-            if mapper.segment_free(here, along(middle)):
+            if mapper.segment_free(start, along(start, goal, middle)):
                 low = middle
             else:
                 high = middle
-        if low >= SHORTEST_LEG * self.config.viewpoint_spacing:
-            return along(low)
-        self._doubt_around(along(high))
-        return None
+        return low, high
 
     def _doubt_around(self, position: Position) -> None:
         """Doubt the cells at a position that are not known to be free; it may lie on the border of several."""

@@ -157,6 +157,16 @@ def test_equal_seeds_give_equal_routes(name: str) -> None:
     assert first.waypoints == again.waypoints
 
 
+@pytest.mark.parametrize("name", ["bit_star", "far"])
+def test_a_robot_that_stops_before_near_bends_goes_on(name: str) -> None:
+    """It does not move for a waypoint within 0.5 m: paths that bend there must not hold it."""
+    journey = navigate(planner(name), DEAD_END, CONFIG, slack=0.5)
+    assert journey.complete, journey.reason
+    assert journey.distance <= 95.0
+    moves = np.hypot(*np.diff(np.array(journey.waypoints), axis=0).T)
+    assert np.count_nonzero(moves < 1e-6) <= 3
+
+
 def test_another_seed_gives_bit_star_another_route() -> None:
     made = planner("bit_star")
     routes = [navigate(made, TWO_ROOMS, CONFIG, seed=seed, max_steps=2).waypoints for seed in (3, 4)]
