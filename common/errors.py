@@ -1,8 +1,24 @@
 """Errors that a user can act on; every message says what was expected, what came and what to do."""
 
+from __future__ import annotations
+
+from pathlib import Path
+
 
 class HDError(Exception):
     """Base of all errors that a command prints as one line instead of a traceback."""
+
+
+class LockedError(HDError):
+    """Another process works on the same files.
+
+    Attributes:
+        holder: number of that process, in words where it is not known.
+    """
+
+    def __init__(self, path: Path, holder: str) -> None:
+        super().__init__(f"{path} is locked by process {holder}: wait for it, or end it")
+        self.holder = holder
 
 
 class ConfigError(HDError):

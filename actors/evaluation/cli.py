@@ -130,7 +130,9 @@ def run(
         policy=policy,
     )
     names = planner_list(planner)
-    if run_and_show(Evaluation(settings, names, out, overwrite=overwrite), names, jobs, console):
+    with Evaluation(settings, names, out, overwrite=overwrite) as evaluation:
+        crashed = run_and_show(evaluation, names, jobs, console)
+    if crashed:
         raise typer.Exit(EXIT_ERROR)
 
 

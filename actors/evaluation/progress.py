@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -33,9 +36,10 @@ def run_and_show(evaluation: Evaluation, planners: Sequence[str], jobs: int, con
 
     Raises:
         HDError: the processes cannot start, or the results cannot be written.
+        KeyboardInterrupt: on SIGINT or SIGTERM; the results hold what was done, and the console was told how to go on.
     """
     bars = progress_bars(console)
-    with bars:
+    with bars, termination_interrupts():
         rows = {
             name: bars.add_task(name, total=evaluation.worlds, completed=evaluation.done(name))
             for name in dict.fromkeys(planners)
@@ -50,7 +54,15 @@ def run_and_show(evaluation: Evaluation, planners: Sequence[str], jobs: int, con
                 counts = ", ".join(f"{task.description} {task.completed:.0f}" for task in bars.tasks)
                 console.print(f"{counts} of {evaluation.worlds} episodes", highlight=False)
 
-        evaluation.run(jobs, watch)
+        try:
+            evaluation.run(jobs, watch)
+        except KeyboardInterrupt:
+            bars.stop()
+            for name in rows:
+                file, done = evaluation.results_file(name), evaluation.done(name)
+                console.print(f"{file}: {done} of {evaluation.worlds} episodes", highlight=False)
+            console.print("broken off: the same command goes on from here", highlight=False)
+            raise
     crashes = evaluation.crashes()
     for name in rows:
         console.print(f"{evaluation.results_file(name)}: {evaluation.done(name)} episodes", highlight=False)
@@ -59,6 +71,25 @@ def run_and_show(evaluation: Evaluation, planners: Sequence[str], jobs: int, con
         console.print(f"[bold red]{name}: {len(found)} episodes crashed[/], the first on {first}:", highlight=False)
         console.print(f"  {outcome.reason}", markup=False, highlight=False)
     return bool(crashes)
+
+
+@contextmanager
+def termination_interrupts() -> Iterator[None]:
+    """Let the first SIGTERM raise a KeyboardInterrupt within the `with`; later ones do not disturb what it causes."""
+    told = False
+
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        nonlocal told
+        del number, frame
+        if not told:
+            told = True
+            raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, on_signal)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def progress_bars(console: Console) -> Progress:

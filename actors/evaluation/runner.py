@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Callable, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -16,8 +16,10 @@ from actors.evaluation.pool import Job, WorkerPool
 from actors.evaluation.results import Results, ResultsError, write_results
 from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.worlds import WorldSet
+from common.closing import Closing
 from common.code_state import code_state, commit_of
-from common.errors import ConfigError
+from common.errors import ConfigError, LockedError
+from common.file_lock import FileLock
 
 log = logging.getLogger(__name__)
 
@@ -37,18 +39,19 @@ class Progress:
     outcome: Outcome
 
 
-class Evaluation:
+class Evaluation(Closing):
     """All episodes of some planners on some worlds, in a folder.
 
     For each planner the folder holds `<planner>.json`, the results, and `<planner>.jsonl`, the journal that lets a
-    broken-off run go on. Episodes depend on the seed and on nothing else, so the number of processes changes nothing.
+    broken-off run go on; until it is closed, no other evaluation of the same planners can use the folder. Episodes
+    depend on the seed and on nothing else, so the number of processes changes nothing.
 
     Usage::
 
-        evaluation = Evaluation(settings, ["greedy", "tare"], out)
-        evaluation.run(jobs=4, watch=lambda progress: ...)
-        for planner, outcomes in evaluation.crashes().items():
-            ...
+        with Evaluation(settings, ["greedy", "tare"], out) as evaluation:
+            evaluation.run(jobs=4, watch=lambda progress: ...)
+            for planner, outcomes in evaluation.crashes().items():
+                ...
 
     Subclasses of another protocol say what their workers run, what these tell, and how results are written.
     """
@@ -68,7 +71,8 @@ class Evaluation:
             overwrite: forget what was done already.
 
         Raises:
-            HDError: a planner cannot be made, a map source cannot be used, or the folder holds other results.
+            HDError: a planner cannot be made, a map source cannot be used, the folder holds other results, or another
+                evaluation of a planner is at work in it.
         """
         self._settings = settings
         self._planners = list(dict.fromkeys(planners))
@@ -78,18 +82,28 @@ class Evaluation:
             settings.make(planner)
         self._worlds = WorldSet.open(settings.maps, settings.task.name, settings.metres_per_pixel, settings.limit)
         self._commit = commit_of(code_state())
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-            if overwrite:
-                for planner in self._planners:
-                    self._path(out, planner, "jsonl").unlink(missing_ok=True)
-        except OSError as error:
-            raise ResultsError(f"cannot use the folder {out} ({error.strerror}): choose another --out") from error
         self._out = out
-        self._journals = {
-            planner: Journal.open(self._path(out, planner, "jsonl"), settings.fingerprint(planner), self.outcome_kind)
-            for planner in self._planners
-        }
+        with ExitStack() as opened:
+            try:
+                out.mkdir(parents=True, exist_ok=True)
+                for planner in self._planners:
+                    opened.enter_context(self._lock(planner))
+                if overwrite:
+                    for planner in self._planners:
+                        self._path(out, planner, "jsonl").unlink(missing_ok=True)
+            except OSError as error:
+                raise ResultsError(f"cannot use the folder {out} ({error.strerror}): choose another --out") from error
+            self._journals = {
+                planner: Journal.open(
+                    self._path(out, planner, "jsonl"), settings.fingerprint(planner), self.outcome_kind
+                )
+                for planner in self._planners
+            }
+            self._locks = opened.pop_all()
+
+    def close(self) -> None:
+        """Let others use the folder; safe to call twice."""
+        self._locks.close()
 
     @property
     def worlds(self) -> int:
@@ -142,6 +156,16 @@ class Evaluation:
     def results_file(self, planner: str) -> Path:
         """Return where a planner's results are."""
         return self._path(self._out, planner, "json")
+
+    def _lock(self, planner: str) -> FileLock:
+        journal = self._path(self._out, planner, "jsonl")
+        try:
+            return FileLock(journal.with_name(f".{journal.stem}.lock"))
+        except LockedError as error:
+            raise ResultsError(
+                f"another run (process {error.holder}) evaluates planner {planner!r} in {self._out}: wait for its end, "
+                "or choose another --out"
+            ) from None
 
     def _work(self, waiting: Sequence[Job], workers: int, watch: Callable[[Progress], None] | None) -> None:
         made = WorkerPool(self._settings, workers, module=self.worker_module, kind=self.outcome_kind)

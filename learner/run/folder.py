@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import os
 import shutil
@@ -13,7 +12,8 @@ from pathlib import Path
 from common.closing import Closing
 from common.config.load import resolve
 from common.config.schema import RunConfig
-from common.errors import CheckpointError
+from common.errors import CheckpointError, LockedError
+from common.file_lock import FileLock
 from learner.run.code_state import write_code_state
 from learner.run.files import replace_text, sync_path, to_json
 
@@ -38,7 +38,7 @@ class RunFolder(Closing):
     Make one with `create` or `open`; `close` (or leaving a `with` block) gives the lock back.
     """
 
-    def __init__(self, path: Path, config: RunConfig, lock: int) -> None:
+    def __init__(self, path: Path, config: RunConfig, lock: FileLock) -> None:
         self.path = path
         self.config = config
         self._lock = lock
@@ -74,7 +74,7 @@ class RunFolder(Closing):
         try:
             temporary.rename(path)
         except OSError:
-            os.close(lock)
+            lock.close()
             shutil.rmtree(temporary, ignore_errors=True)
             raise CheckpointError(
                 f"another learner has just started run {config.name!r}: choose another --run"
@@ -128,9 +128,7 @@ class RunFolder(Closing):
 
     def close(self) -> None:
         """Give the lock back; safe to call twice."""
-        if self._lock >= 0:
-            os.close(self._lock)
-            self._lock = -1
+        self._lock.close()
 
 
 def check_run(path: Path) -> None:
@@ -155,20 +153,14 @@ def read_config(path: Path) -> RunConfig:
         raise CheckpointError(f"{path / 'config.json'} cannot be read: {error}") from error
 
 
-def _take_lock(path: Path) -> int:
-    descriptor = os.open(path / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+def _take_lock(path: Path) -> FileLock:
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        holder = os.pread(descriptor, 32, 0).decode("ascii", "replace").strip()
-        os.close(descriptor)
+        return FileLock(path / "lock")
+    except LockedError as error:
         raise CheckpointError(
-            f"a learner (process {holder or 'unknown'}) works on the run in {path}: "
+            f"a learner (process {error.holder}) works on the run in {path}: "
             f"stop it first with `hd-learner stop --run {path.name}`"
         ) from None
-    os.ftruncate(descriptor, 0)
-    os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
-    return descriptor
 
 
 def _delete_run(path: Path) -> None:
@@ -177,9 +169,7 @@ def _delete_run(path: Path) -> None:
         raise CheckpointError(
             f"{path} is not the folder of a run, so it stays: choose another --run or remove it yourself"
         )
-    lock = _take_lock(path)
     doomed = path.with_name(f".{path.name}.{os.getpid()}.old.tmp")
-    with contextlib.suppress(FileNotFoundError):
+    with _take_lock(path), contextlib.suppress(FileNotFoundError):
         path.rename(doomed)
         shutil.rmtree(doomed)
-    os.close(lock)

@@ -89,7 +89,9 @@ def large(
         inflation=inflate,
     )
     names = planner_list(planner)
-    if run_and_show(LargeEvaluation(settings, names, out, overwrite=overwrite), names, jobs, console):
+    with LargeEvaluation(settings, names, out, overwrite=overwrite) as evaluation:
+        crashed = run_and_show(evaluation, names, jobs, console)
+    if crashed:
         raise typer.Exit(EXIT_ERROR)
 
 

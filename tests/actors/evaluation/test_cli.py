@@ -117,7 +117,8 @@ def test_help_shows_examples(command):
 
 
 @pytest.mark.slow
-def test_ctrl_c_leaves_whole_results_and_no_process(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_whole_results_and_no_process(tmp_path, number):
     command = [sys.executable, "-m", "actors.evaluation.cli", "run", "--planner", "greedy", "--maps", MAPS]
     command += ["--limit", "1000", "--jobs", "1", "--out", str(tmp_path)]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
@@ -127,10 +128,11 @@ def test_ctrl_c_leaves_whole_results_and_no_process(tmp_path):
         time.sleep(0.2)
     workers = psutil.Process(process.pid).children()
     assert len(workers) == 1
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "Traceback" not in errors
+    assert "the same command goes on" in errors
     psutil.wait_procs(workers, timeout=10)
     assert not any(worker.is_running() for worker in workers)
     done = read_results(tmp_path / "greedy.json").episodes

@@ -18,8 +18,8 @@ def done(tmp_path_factory):
     """A greedy planner and the reference on two worlds, by one real worker process."""
     out = tmp_path_factory.mktemp("results")
     seen = []
-    evaluation = Evaluation(settings(), ["greedy", "omniscient"], out)
-    evaluation.run(1, seen.append)
+    with Evaluation(settings(), ["greedy", "omniscient"], out) as evaluation:
+        evaluation.run(1, seen.append)
     return out, seen, evaluation
 
 
@@ -39,10 +39,10 @@ def test_each_planner_gets_a_results_file(done):
 def test_a_finished_run_does_nothing_again(done):
     out, _, _ = done
     before = (out / "greedy.json").read_text()
-    again = Evaluation(settings(), ["greedy"], out)
-    assert again.done("greedy") == 2
     seen = []
-    again.run(1, seen.append)
+    with Evaluation(settings(), ["greedy"], out) as again:
+        assert again.done("greedy") == 2
+        again.run(1, seen.append)
     assert seen == []
     assert (out / "greedy.json").read_text() == before
 
@@ -51,6 +51,25 @@ def test_other_settings_do_not_mix(done):
     out, _, _ = done
     with pytest.raises(ResultsError, match="seed: 0 there, 1 now"):
         Evaluation(settings(seed=1), ["greedy"], out)
+
+
+def test_two_runs_of_a_planner_do_not_share_a_folder(tmp_path):
+    with Evaluation(settings(), ["greedy", "nearest"], tmp_path):
+        for overwrite in (False, True):
+            with pytest.raises(ResultsError, match=r"another run \(process \d+\) evaluates planner 'nearest'.*--out"):
+                Evaluation(settings(), ["nearest"], tmp_path, overwrite=overwrite)
+        # Other planners' files are their own, and a run that is refused holds none of them.
+        with pytest.raises(ResultsError, match="'greedy'"):
+            Evaluation(settings(), ["omniscient", "greedy"], tmp_path)
+        Evaluation(settings(), ["omniscient"], tmp_path).close()
+    Evaluation(settings(), ["nearest"], tmp_path).close()
+
+
+def test_a_run_that_is_refused_gives_the_folder_back(done):
+    out, _, _ = done
+    with pytest.raises(ResultsError, match="other settings"):
+        Evaluation(settings(seed=1), ["greedy"], out)
+    Evaluation(settings(), ["greedy"], out).close()
 
 
 def test_episodes_depend_on_the_seed_alone(done):
@@ -93,8 +112,8 @@ def test_a_fault_of_a_planner_costs_its_episode_alone():
 @pytest.mark.slow
 def test_processes_that_die_or_hang_are_replaced(tmp_path):
     planners = [f"{OWN}:DyingPlanner", f"{OWN}:HangingPlanner", "greedy"]
-    evaluation = Evaluation(settings(limit=1, time_limit=1.0), planners, tmp_path)
-    evaluation.run(1)
+    with Evaluation(settings(limit=1, time_limit=1.0), planners, tmp_path) as evaluation:
+        evaluation.run(1)
     crashes = evaluation.crashes()
     assert set(crashes) == set(planners[:2])
     assert "exit code 7" in crashes[planners[0]][0][1].reason
@@ -104,11 +123,8 @@ def test_processes_that_die_or_hang_are_replaced(tmp_path):
     assert not died.success
     assert read_results(tmp_path / "greedy.json").episodes[0].success
     # What crashed is run again, what ended well is not.
-    assert [Evaluation(settings(limit=1, time_limit=1.0), planners, tmp_path).done(name) for name in planners] == [
-        0,
-        0,
-        1,
-    ]
+    with Evaluation(settings(limit=1, time_limit=1.0), planners, tmp_path) as again:
+        assert [again.done(name) for name in planners] == [0, 0, 1]
 
 
 def test_mistakes_are_found_before_the_work_starts(tmp_path):
