@@ -1,64 +1,84 @@
-"""Measure learner updates at batch 64 over graphs of 185 viewpoints on average, and the gain over padded networks.
+"""Measure learner updates at batch 64 on real transitions, and the gain over a plain padded, dense implementation.
 
-`python -m benchmarks.updates [--repeats N]`: SAC and cloning updates for both sizes, one thread. Times are processor
-seconds of this thread, so that other work on the machine takes little part; run it with OMP_NUM_THREADS=1 and the
-malloc settings of `common.runtime`. The dense figure is forward and backward of the policy alone, ours against the
-padded, masked implementation of the tests, on the same batch.
+`python -m benchmarks.updates [--repeats N]`: for both sizes soft actor-critic and imitation updates, in fp32 on the whole
+graph, in bfloat16, and in bfloat16 on the reduced graph, which is how the shipped policies are trained. Times are processor
+seconds of one thread, so that other work on the machine takes little part; run it with OMP_NUM_THREADS=1 and the
+malloc settings of `common.runtime`. The dense figures are forward and backward of the policy alone: the padded, masked fp32
+implementation of the tests against ours on the same batch.
 """
 
 from __future__ import annotations
 
 import argparse
 
-import numpy as np
 import torch
 
+from benchmarks.experience import real_transitions
 from benchmarks.inference import SIZES, fastest
 from common.config.schema import NetworkConfig, RunConfig
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyNetwork
+from common.observation import ObservationBatch
 from learner.algorithm.sac import SacLearner
 from tests.common.network.dense import dense_batch, dense_policy
-from tests.transitions import random_transitions
 
 BATCH = 64
-VIEWPOINTS = (80, 290)
+# Name, arithmetic and graph.
+WAYS = (("fp32", "fp32", "full"), ("bf16", "bf16", "full"), ("bf16_reduced", "bf16", "reduced"))
 
 
 def run(repeats: int = 3) -> dict[str, float]:
-    """Return updates per processor second, and the time of dense over ours, for both sizes."""
+    """Return viewpoints in the mean, updates per processor second, and the time of dense over ours."""
     torch.set_num_threads(1)
-    batch = random_transitions(np.random.default_rng(0), BATCH, VIEWPOINTS, ("none",), labelled=1.0)
-    results: dict[str, float] = {}
+    batch = real_transitions(BATCH)
+    results: dict[str, float] = {"updates/viewpoints": float(batch.observations.count.mean())}
     for size, network in SIZES.items():
-        for stage, cloning in (("sac", 0), ("cloning", 10_000)):
-            config = RunConfig.model_validate({"network": network.model_dump(), "cloning": {"updates": cloning}})
-            learner = SacLearner(config, torch.device("cpu"))
-            seconds = fastest(lambda learner=learner: learner.update(batch), repeats)  # type: ignore[misc]
-            results[f"updates/{size}/{stage}_per_s"] = 1.0 / seconds
-        results[f"updates/{size}/dense_over_ours"] = _dense_ratio(network, batch.observations, repeats)
+        dense = _dense_seconds(network, batch.observations, repeats)
+        for name, precision, graph in WAYS:
+            network_here = network.model_copy(update={"graph": graph})
+            for stage, cloning in (("sac", 0), ("cloning", 10_000)):
+                config = RunConfig.model_validate(
+                    {
+                        "network": network_here.model_dump(),
+                        "cloning": {"updates": cloning},
+                        "learner": {"precision": precision},
+                    }
+                )
+                learner = SacLearner(config, torch.device("cpu"))
+                seconds = fastest(lambda learner=learner: learner.update(batch), repeats)  # type: ignore[misc]
+                results[f"updates/{size}/{name}/{stage}_per_s"] = 1.0 / seconds
+            ours = _our_seconds(network_here, precision == "bf16", batch.observations, repeats)
+            results[f"updates/{size}/{name}/dense_over_ours"] = dense / ours
     return results
 
 
-def _dense_ratio(config: NetworkConfig, observations: object, repeats: int) -> float:
-    """Return the time of the policy's forward and backward pass in the dense form over that in ours."""
+def _our_seconds(config: NetworkConfig, half: bool, observations: ObservationBatch, repeats: int) -> float:
+    """Return the time of the policy's forward and backward pass, preparing the graphs not counted."""
     network = PolicyNetwork(config)
-    graph = GraphBatch.from_observations(observations, config)  # type: ignore[arg-type]
-    padded = dense_batch(observations, graph.features, vanilla=False)  # type: ignore[arg-type]
+    graph = GraphBatch.from_observations(observations, config)
 
-    def ours() -> None:
-        output = network(graph)
+    def step() -> None:
+        with torch.autocast("cpu", dtype=torch.bfloat16, enabled=half):
+            output = network(graph)
         (output.log_beacon.sum() + output.log_waypoint.sum()).backward()
 
-    def dense() -> None:
+    return fastest(step, repeats)
+
+
+def _dense_seconds(config: NetworkConfig, observations: ObservationBatch, repeats: int) -> float:
+    """Return the same in the dense form: every graph padded to the largest, attention over all pairs, masked."""
+    network = PolicyNetwork(config)
+    padded = dense_batch(observations, GraphBatch.from_observations(observations, config).features, vanilla=False)
+
+    def step() -> None:
         log_beacon, log_waypoint = dense_policy(network, padded)
         (log_beacon.sum() + log_waypoint.sum()).backward()
 
-    return fastest(dense, repeats) / fastest(ours, repeats)
+    return fastest(step, repeats)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=3)
     for name, value in run(parser.parse_args().repeats).items():
-        print(f"{name:40s} {value:10.3f}")
+        print(f"{name:45s} {value:10.3f}")

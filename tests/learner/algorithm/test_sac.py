@@ -11,8 +11,10 @@ import torch
 
 from common.config.schema import RunConfig
 from common.errors import CheckpointError, ConfigError, WeightsError
+from common.network.graph_batch import GraphBatch
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.device import choose_device
+from learner.algorithm.losses import waypoint_marginal
 from learner.algorithm.sac import SacLearner
 from tests.transitions import random_transitions
 
@@ -171,3 +173,59 @@ def test_devices() -> None:
     if not torch.cuda.is_available():
         with pytest.raises(ConfigError, match="no CUDA"):
             choose_device("cuda:1")
+
+
+PRIVILEGED = {"sac": {"privileged_critic": True}, "reward": {"kind": "potential"}}
+
+
+def test_a_privileged_critic_begins_with_the_experts_view() -> None:
+    """With networks that say 0, the policy already descends what the expert tells, whatever the rewards were."""
+    setting = config(**PRIVILEGED, adam={"policy": 3e-3}, network={"width": 32})
+    learner = SacLearner(setting, CPU)
+    for head in (learner.critic.first, learner.critic.second):
+        torch.nn.init.zeros_(head.value.weight)
+        torch.nn.init.zeros_(head.value.bias)
+    silent = replace(batches(6, 1, labelled=1.0)[0], terminal=np.zeros(6, np.bool_), next_valid=np.zeros(6, np.bool_))
+    before = cheapness(learner, silent)
+    for _ in range(40):
+        learner.update(silent)
+    assert cheapness(learner, silent) < 0.6 * before
+
+
+def cheapness(learner: SacLearner, batch: TransitionBatch) -> float:
+    """Mean over observations of the detour that the policy expects, metres."""
+    graphs = GraphBatch.from_observations(batch.observations, learner.config.network)
+    assert batch.labels is not None
+    with torch.no_grad():
+        output = learner.policy(graphs)
+        chance = waypoint_marginal(output.log_waypoint.exp(), output, graphs)
+    return float((chance * torch.from_numpy(batch.labels.cost)).sum()) / len(batch)
+
+
+def test_a_privileged_critic_learns_only_what_is_not_told() -> None:
+    """Where the reward is what the expert said and nothing follows, nothing is left to learn."""
+    setting = config(**PRIVILEGED, learner={"augment": False})
+    batch = batches(7, 1, labelled=1.0)[0]
+    assert batch.labels is not None
+    sizes = [len(batch.observations[k].waypoint_nodes()) for k in range(6)]
+    first = np.cumsum([0, *sizes[:-1]])
+    slot = [list(batch.observations[k].waypoint_nodes()).index(batch.waypoints[k]) for k in range(6)]
+    told = -np.minimum(batch.labels.cost[first + slot], 40.0) / 4.0
+    ended = replace(batch, rewards=told.astype(np.float32), terminal=np.ones(6, np.bool_))
+    learner = SacLearner(setting, CPU)
+    for head in (learner.critic.first, learner.critic.second):
+        torch.nn.init.zeros_(head.value.weight)
+        torch.nn.init.zeros_(head.value.bias)
+    assert learner.update(ended)["loss/critic"] < 1e-9
+    assert SacLearner(config(learner={"augment": False}), CPU).update(ended)["loss/critic"] > 0.1
+
+
+def test_a_privileged_critic_refuses_steps_without_labels() -> None:
+    learner = SacLearner(config(**PRIVILEGED), CPU)
+    with pytest.raises(ValueError, match="labelled transitions"):
+        learner.update(batches(8, 1)[0])
+
+
+def test_a_privileged_critic_needs_the_potential_reward() -> None:
+    with pytest.raises(ValueError, match="set reward.kind to 'potential'"):
+        config(sac={"privileged_critic": True})
