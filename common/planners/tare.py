@@ -9,7 +9,9 @@ from common.config.schema import MappingConfig
 from common.errors import ConfigError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
+from common.planners.base import Position, TaskName
 from common.planners.cover import sample_cover, subspace_stops
+from common.planners.held_tour import HeldTour
 from common.planners.lattice import LatticePlanner
 from common.planners.tour import load_ortools, open_tour, tour_length
 from common.planners.visibility import observed
@@ -39,6 +41,9 @@ class TarePlanner(LatticePlanner):
     - A viewpoint or a subspace that would add less than `min_frontier` waits until nothing larger is left: the
       released code of the publication has such a threshold too, for surface points.
     - A way between subspaces is a shortest path over the viewpoint graph, which takes the place of the keypose graph.
+    - A robot that comes back to a viewpoint and has seen nothing new since keeps its tour until it does, see
+      `HeldTour`: tours of equal length, solved anew at each viewpoint, made it go back and forth for ever. The released
+      code counts changes of direction to the same end.
     - No smoothing of the path by the vehicle's dynamics (its section on trajectory optimisation): a decision is one
       straight edge of the viewpoint graph here.
     """
@@ -87,11 +92,20 @@ class TarePlanner(LatticePlanner):
         load_ortools()
         super().__init__(config)
 
+    def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
+        """Begin an episode: forget everything; equal seeds give equal episodes."""
+        super().reset(task, target, seed)
+        self._held = HeldTour()
+
     def choose(
         self, mapper: Mapper, pose: Pose, candidates: NDArray[np.int64], positions: NDArray[np.float64]
     ) -> list[int]:
-        """Return the stops of the tour; small remainders count only when nothing larger is left."""
+        """Return the stops of the tour."""
         del pose
+        return self._held.stops(mapper, candidates, positions, lambda: self._plan(mapper, candidates, positions))
+
+    def _plan(self, mapper: Mapper, candidates: NDArray[np.int64], positions: NDArray[np.float64]) -> list[int]:
+        """Return the stops of a new tour; small remainders count only when nothing larger is left."""
         frontiers = mapper.frontiers
         reach = self.config.observable_range
         for least, cover_range in ((self._least, self._cover_range), (1, self._cover_range), (1, reach)):

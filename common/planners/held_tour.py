@@ -1,0 +1,68 @@
+"""A tour that is kept while nothing new is seen, so that planning anew at each viewpoint comes to an end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.mapping.mapper import Mapper
+from common.planners.base import Position
+
+# New area that counts as news, square metres: less is what scans graze in passing.
+NEWS_AREA: Final = 0.5
+
+
+class HeldTour:
+    """Ends cycles of a planner that solves its tour anew at each viewpoint.
+
+    Such a tour need not be the shortest one: from one viewpoint it may begin with another one's surroundings, and from
+    there with the first one's, for ever. A robot that comes back to a viewpoint and has seen nothing new since it
+    planned there keeps the tour that it plans now, stop by stop, until it sees something new or the tour ends. Every
+    tour kept leads to a stop that is done with afterwards, so there is an end.
+    """
+
+    def __init__(self) -> None:
+        self._area = -inf
+        self._planned: set[Position] = set()
+        self._stops: list[Position] = []
+
+    def stops(
+        self,
+        mapper: Mapper,
+        candidates: NDArray[np.int64],
+        positions: NDArray[np.float64],
+        plan: Callable[[], list[int]],
+    ) -> list[int]:
+        """Return the nodes to visit, those of the tour that is kept or of a new one.
+
+        Args:
+            mapper: updated at the robot's pose.
+            candidates: nodes that are worth a visit.
+            positions: of all viewpoints, metres, shape (n, 2).
+            plan: solves a tour.
+        """
+        area = mapper.belief.known_cells * mapper.belief.resolution**2
+        if area >= self._area + NEWS_AREA:
+            self._area = area
+            self._planned.clear()
+            self._stops.clear()
+        if self._stops:
+            nodes = {_place(positions[node]): int(node) for node in candidates}
+            self._stops = [place for place in self._stops if place in nodes]
+            if self._stops:
+                return [nodes[place] for place in self._stops]
+        tour = plan()
+        here = _place(positions[mapper.robot])
+        if here in self._planned:
+            self._stops = [_place(positions[node]) for node in tour]
+        self._planned.add(here)
+        return tour
+
+
+def _place(position: NDArray[np.float64]) -> Position:
+    """Return a viewpoint's position without the last digits, which may differ between updates."""
+    return round(float(position[0]), 3), round(float(position[1]), 3)
