@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +27,8 @@ TASKS: tuple[TaskName, ...] = ("exploration", "navigation")
 
 # What one visit since the last news takes off the logit of a viewpoint, by the revisit rule.
 REVISIT_PENALTY = 1.0
+# New area that counts as news, m2. Noisy ranges make single cells known at almost every step.
+NEWS_AREA = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +55,7 @@ class LearnedPlanner:
     Networks", IEEE Robotics and Automation Letters, 2025. Greedy on the waypoint marginal sum_b pi_b pi_a(. | b).
 
     A rule beside the network ends cycles of greedy choices: the logit of a viewpoint is lowered by `revisit_penalty`
-    for each visit since the last new cells. It is no part of the paper, so the decisions that it touched are counted,
+    for each visit since the last new area. It is no part of the paper, so the decisions that it touched are counted,
     and `hdplanner-bare` is the network without it.
 
     Attributes:
@@ -89,6 +92,7 @@ class LearnedPlanner:
             raise ConfigError(f"planner 'hdplanner': revisit_penalty must be 0 or more, got {revisit_penalty}")
         self._config = config
         self._penalty = revisit_penalty
+        self._news_area = NEWS_AREA
         self._held: dict[str, tuple[Policy, PolicyCard]] = {}
         self._shipped = policy is None
         self.card: PolicyCard | None = None
@@ -172,15 +176,15 @@ class LearnedPlanner:
         self._random = np.random.default_rng(0)
         self._scanned = ScannedViewpoints(self._config.viewpoint_spacing)
         self._visits: dict[Position, int] = {}
-        self._known_cells = -1
+        self._known_area = -math.inf
         self.rule_applied = 0
         self.attention = None
 
     def _note_visit(self, mapper: Mapper) -> None:
-        """Count that the robot is at its viewpoint; new cells make all earlier visits void."""
-        known = mapper.belief.known_cells
-        if known != self._known_cells:
-            self._known_cells = known
+        """Count that the robot is at its viewpoint; new area makes all earlier visits void."""
+        known = mapper.belief.known_cells * mapper.belief.resolution**2
+        if known >= self._known_area + self._news_area:
+            self._known_area = known
             self._visits.clear()
         node = mapper.position(mapper.robot)
         self._visits[node] = self._visits.get(node, 0) + 1

@@ -6,7 +6,7 @@ there, the free cells do not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from math import hypot
 from typing import Final
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from common.geometry import Pose
 from common.jit import njit
 from common.mapping.mapper import Mapper
-from common.mapping.sight import FREE, UNKNOWN
+from common.mapping.sight import FREE, OCCUPIED, UNKNOWN
 from common.planners.base import Plan, Position, Status
 from common.planners.lattice import LONGEST_EDGE
 
@@ -28,6 +28,9 @@ _LOOKED_AT: Final = 0.5
 # Straight neighbours first, so that paths are straight where they can be.
 _STEPS: Final = np.array([(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)], dtype=np.int64)
 _REASON: Final = "over free cells, because no viewpoint leads there"
+
+Disc = tuple[Position, float]
+"""A place, metres, and the radius around it, metres."""
 
 
 @njit(cache=True, nogil=True)
@@ -69,7 +72,9 @@ def _passable(cell: int, through_unknown: bool) -> bool:
     return cell == FREE or (through_unknown and cell == UNKNOWN)
 
 
-def to_frontier(mapper: Mapper, pose: Pose, spacing: float, skip: Callable[[Position], bool]) -> Plan:
+def to_frontier(
+    mapper: Mapper, pose: Pose, spacing: float, skip: Callable[[Position], bool], closed: Iterable[Disc] = ()
+) -> Plan:
     """Go to the nearest frontier that free cells lead to.
 
     Args:
@@ -77,6 +82,7 @@ def to_frontier(mapper: Mapper, pose: Pose, spacing: float, skip: Callable[[Posi
         pose: of the robot.
         spacing: between viewpoints, metres.
         skip: whether a frontier is not worth going to: it was tried, is banned or fenced off.
+        closed: discs that the way may not cross, but for those that the robot stands in.
 
     Returns:
         A plan; COMPLETE when no frontier is left that free cells lead to.
@@ -92,29 +98,35 @@ def to_frontier(mapper: Mapper, pose: Pose, spacing: float, skip: Callable[[Posi
         goals[rows[index], columns[index]] = not skip((float(frontiers[index, 0]), float(frontiers[index, 1])))
     if not goals.any():
         return Plan(Status.COMPLETE, reason="no frontier is left that free cells lead to")
-    return _follow(mapper, pose, goals, spacing, through_unknown=False) or Plan(
+    return _follow(mapper, pose, goals, spacing, closed, through_unknown=False) or Plan(
         Status.COMPLETE, reason="free cells lead to no frontier that is left"
     )
 
 
-def to_target(mapper: Mapper, pose: Pose, target: Position, spacing: float) -> Plan:
-    """Go towards a target over free cells, unknown ones taken as free."""
+def to_target(mapper: Mapper, pose: Pose, target: Position, spacing: float, closed: Iterable[Disc] = ()) -> Plan:
+    """Go towards a target over free cells, unknown ones taken as free; ``closed`` as in `to_frontier`."""
     goals = np.zeros(mapper.belief.padded.shape, dtype=np.bool_)
     row, column = mapper.belief.cell(target)
     rows, columns = mapper.belief.shape
     # Of a target beyond the map the nearest cell of the map's rim takes the place.
     row, column = min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)
     goals[row + 1, column + 1] = True
-    return _follow(mapper, pose, goals, spacing, through_unknown=True) or Plan(
+    return _follow(mapper, pose, goals, spacing, closed, through_unknown=True) or Plan(
         Status.UNREACHABLE, reason="obstacles close every way to the target, unknown cells taken as free"
     )
 
 
 def _follow(
-    mapper: Mapper, pose: Pose, goals: NDArray[np.bool_], spacing: float, *, through_unknown: bool
+    mapper: Mapper,
+    pose: Pose,
+    goals: NDArray[np.bool_],
+    spacing: float,
+    closed: Iterable[Disc],
+    *,
+    through_unknown: bool,
 ) -> Plan | None:
     """Plan along the cells to the nearest goal: as far as free cells go, in straight free legs."""
-    padded = mapper.belief.padded
+    padded = _without(mapper, pose, closed)
     width = padded.shape[1]
     row, column = mapper.belief.cell(pose.position)
     start = (row + 1) * width + column + 1
@@ -135,6 +147,21 @@ def _follow(
     if not legs:
         return None
     return Plan(Status.GOING, waypoint=legs[0], beacon=places[-1], path=legs[1:], reason=_REASON)
+
+
+def _without(mapper: Mapper, pose: Pose, closed: Iterable[Disc]) -> NDArray[np.int8]:
+    """Return the padded grid with discs closed, but for those that the robot stands in."""
+    padded, size = mapper.belief.padded, mapper.belief.resolution
+    discs = [(place, radius) for place, radius in closed if pose.distance_to(place) > radius]
+    if not discs:
+        return padded
+    padded = padded.copy()
+    rows, columns = np.ogrid[: padded.shape[0], : padded.shape[1]]
+    x, y = mapper.belief.origin
+    for place, radius in discs:
+        apart = np.hypot(x + (columns - 0.5) * size - place[0], y + (rows - 0.5) * size - place[1])
+        padded[apart <= radius] = OCCUPIED
+    return padded
 
 
 def _legs(mapper: Mapper, start: Position, places: list[Position], longest: float) -> list[Position]:

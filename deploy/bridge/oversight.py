@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from math import hypot
 from typing import Final
@@ -16,6 +17,7 @@ from deploy.bridge.detour import detour, useful_nodes
 from deploy.bridge.outcome import Course
 from deploy.config import DeployConfig
 from deploy.safety import Blacklist, Geofence, LoopDetector, ProgressMonitor
+from deploy.safety.blacklist import Ban
 
 # A place banned so often is out of reach for good.
 _HOPELESS: Final = 2
@@ -75,10 +77,9 @@ class Oversight:
         plan = detour(mapper, place, self.target, lambda position: self.may_enter(position, position, now))
         if plan.status is not Status.UNREACHABLE:
             return plan
-        young = [ban for ban in self._blacklist.active(now) if ban.failures < _HOPELESS]
-        if young:
-            wait = min(ban.until for ban in young) - now
-            return Plan(Status.STUCK, reason=f"every way is blocked ({young[0].reason}); tries again in {wait:.0f} s")
+        bans = self._blacklist.active(now)
+        if any(ban.failures < _HOPELESS for ban in bans):
+            return self._wait_for(bans, now)
         left = [mapper.position(int(node)) for node in useful_nodes(mapper, self.target)]
         if any(map(self._fence.contains, left)):
             why = "could not be reached"
@@ -87,26 +88,41 @@ class Oversight:
         return Plan(Status.UNREACHABLE, reason=f"everything that is left {why}")
 
     def over_cells(self, mapper: Mapper, place: Pose, plan: Plan, now: float) -> Plan:
-        """Look for a way over the cells of the map where the graph offers none; else return the plan as it is."""
-        if self.target is not None:
-            if plan.status is Status.COMPLETE:
-                return plan
-            found = to_target(mapper, place, self.target, self._spacing)
-        else:
-            self._tried |= {self._key(where) for where in self._aimed if place.distance_to(where) <= self._spacing}
-            found = to_frontier(mapper, place, self._spacing, lambda where: self._skips(where, now))
-        if found.status is not Status.GOING or not self.allows(found, place, now):
-            return plan
-        if found.beacon is not None:
-            self._aimed.add(found.beacon)
-        return found
+        """Look for a way over the cells of the map where the graph offers none; else return the plan as it is.
 
-    def _skips(self, frontier: Position, now: float) -> bool:
+        A way that only young bans close is waited for.
+        """
+        if self.target is not None and plan.status is Status.COMPLETE:
+            return plan
+        self._tried |= {self._key(where) for where in self._aimed if place.distance_to(where) <= self._spacing}
+        bans = self._blacklist.active(now)
+        found = self._over_cells(mapper, place, bans)
+        if found.status is Status.GOING and self.allows(found, place, now):
+            if found.beacon is not None:
+                self._aimed.add(found.beacon)
+            return found
+        lasting = [ban for ban in bans if ban.failures >= _HOPELESS]
+        if len(lasting) < len(bans) and self._over_cells(mapper, place, lasting).status is Status.GOING:
+            return self._wait_for(bans, now)
+        return plan
+
+    def _over_cells(self, mapper: Mapper, place: Pose, bans: Sequence[Ban]) -> Plan:
+        closed = [(ban.position, self._blacklist.radius) for ban in bans]
+        if self.target is not None:
+            return to_target(mapper, place, self.target, self._spacing, closed)
+        return to_frontier(mapper, place, self._spacing, lambda where: self._skips(where, bans), closed)
+
+    def _skips(self, frontier: Position, bans: Sequence[Ban]) -> bool:
         return (
             self._key(frontier) in self._tried
             or not self._fence.contains(frontier)
-            or self._blacklist.banned(frontier, now) is not None
+            or any(gap(frontier, ban.position) <= self._blacklist.radius for ban in bans)
         )
+
+    def _wait_for(self, bans: Sequence[Ban], now: float) -> Plan:
+        first = min((ban for ban in bans if ban.failures < _HOPELESS), key=lambda ban: ban.until)
+        wait = first.until - now
+        return Plan(Status.STUCK, reason=f"every way is blocked ({first.reason}); tries again in {wait:.0f} s")
 
     def _key(self, position: Position) -> tuple[int, int]:
         return round(position[0] / self._spacing), round(position[1] / self._spacing)
@@ -135,7 +151,11 @@ class Oversight:
 
     def give_up(self, course: Course, why: str, now: float) -> None:
         """Leave alone, for a while, where the robot was going in vain."""
-        for place in {course.waypoint, course.goal} - {self.target}:
+        places = {course.waypoint, course.goal} - {self.target}
+        if len(places) == 2 and gap(course.waypoint, course.goal) <= self._blacklist.radius:
+            # The same place is not to be counted as two failures.
+            places = {course.waypoint}
+        for place in places:
             self._blacklist.add(place, why, now)
         self._progress.reset(now)
         self._loops.reset()

@@ -39,8 +39,8 @@ class Blacklist:
 
     def __init__(self, config: SafetyConfig, radius: float) -> None:
         """Take positions within `radius` metres of each other for the same place."""
+        self.radius = radius
         self._seconds = config.blacklist_time
-        self._radius = radius
         self._bans: list[Ban] = []
 
     def add(self, position: Point, reason: str, now: float) -> Ban:
@@ -68,7 +68,7 @@ class Blacklist:
         self._bans.clear()
 
     def _same(self, ban: Ban, position: Point) -> bool:
-        return hypot(ban.position[0] - position[0], ban.position[1] - position[1]) <= self._radius
+        return hypot(ban.position[0] - position[0], ban.position[1] - position[1]) <= self.radius
 
     def _nearest(self, position: Point) -> Ban | None:
         near = [ban for ban in self._bans if self._same(ban, position)]

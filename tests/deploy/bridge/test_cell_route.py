@@ -53,6 +53,33 @@ def test_a_target_behind_such_a_door_is_reached():
     assert trial.pose.distance_to((14.0, 2.0)) <= 0.8
 
 
+def test_a_door_that_is_left_alone_for_a_while_is_waited_for_and_no_end():
+    """Bans pass; an exploration that took a banned door for a wall ended with half of a building unseen."""
+    trial = narrow_trial(safety={"blacklist_time": 20.0})
+    before = trial.run(200, lambda o: bool(o.course) and "no viewpoint leads there" in o.course.reason)
+    assert before.mapper.explored_area < 110.0
+    trial.loop.report_blocked("somebody stands in the door")
+    held = trial.run(15, lambda o: "tries again" in o.hold)
+    assert held.bans
+    assert "somebody stands in the door" in held.hold
+    last = trial.run(200, ended)
+    assert last.orders.phase is Phase.FINISHED
+    assert last.mapper.explored_area > 120.0
+
+
+def test_a_way_over_cells_keeps_out_of_closed_discs():
+    mapper, pose = looked(ROOMS)
+    plan = to_frontier(mapper, pose, 4.0, lambda where: False)
+    other = to_frontier(mapper, pose, 4.0, lambda where: False, [(plan.waypoint, 1.0)])
+    assert other.status is Status.GOING
+    for place in (other.waypoint, *other.path):
+        assert np.hypot(place[0] - plan.waypoint[0], place[1] - plan.waypoint[1]) > 1.0
+    around = [((pose.x + 4.0 * np.cos(turn), pose.y + 4.0 * np.sin(turn)), 1.0) for turn in np.arange(0.0, 6.28, 0.3)]
+    assert to_frontier(mapper, pose, 4.0, lambda where: False, around).status is Status.COMPLETE
+    here = to_frontier(mapper, pose, 4.0, lambda where: False, [(pose.position, 1.0)])
+    assert here.waypoint == plan.waypoint, "a robot in a closed disc may leave it"
+
+
 def test_home_is_found_through_such_a_door():
     trial = narrow_trial(decision={"return_home": True})
     last = trial.run(300, ended)
