@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from hashlib import sha256
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, cast
@@ -13,9 +14,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from actors.evaluation.omniscient import NAME as OMNISCIENT
 from actors.evaluation.omniscient import OmniscientReference
 from common.config.schema import MappingConfig, SimulatorConfig, TaskConfig
-from common.errors import ConfigError
+from common.errors import CheckpointError, ConfigError
 from common.planners.base import Planner
 from common.planners.registry import make_planner, planner_names, planner_summary
+from common.shipped import shipped_policy
 
 # Planners that take a file with weights.
 LEARNED = ("hdplanner", "hdplanner-bare")
@@ -51,10 +53,18 @@ class EvaluationSettings(BaseModel):
     def fingerprint(self, planner: str) -> dict[str, Any]:
         """Return what a planner's episodes depend on, as plain values: two runs that share it can be joined.
 
-        The number of worlds is no part of it, nor the time limit, nor the policy of other planners.
+        The number of worlds is no part of it, nor the time limit, nor the policy of other planners. A policy counts by
+        what its file holds: the shipped one, or a file of the same name, may be another one tomorrow.
         """
         values = self.model_dump(mode="json", exclude={"limit", "time_limit"})
-        return values if planner in LEARNED else {**values, "policy": None}
+        return {**values, "policy": self._policy_digest() if planner in LEARNED else None}
+
+    def _policy_digest(self) -> str:
+        path = shipped_policy(self.task.name) if self.policy is None else Path(self.policy)
+        try:
+            return f"sha256:{sha256(path.read_bytes()).hexdigest()[:16]}"
+        except OSError as error:
+            raise CheckpointError(f"cannot read the policy {path} ({error.strerror}): check --policy") from error
 
     def episode_seed(self, number: int) -> int:
         """Return the seed of the episode in world `number`, the same for every planner."""

@@ -53,6 +53,18 @@ def test_other_settings_do_not_mix(done):
         Evaluation(settings(seed=1), ["greedy"], out)
 
 
+def test_another_policy_in_the_same_file_is_another_setting(tmp_path):
+    policy = tmp_path / "policy.safetensors"
+    prints = []
+    for weights in (b"one", b"other"):
+        policy.write_bytes(weights)
+        prints.append([settings(policy=str(policy)).fingerprint(name)["policy"] for name in ("hdplanner", "greedy")])
+    (one, none), (other, _) = prints
+    assert one != other
+    assert one.startswith("sha256:") and none is None
+    assert settings().fingerprint("hdplanner")["policy"].startswith("sha256:")
+
+
 def test_two_runs_of_a_planner_do_not_share_a_folder(tmp_path):
     with Evaluation(settings(), ["greedy", "nearest"], tmp_path):
         for overwrite in (False, True):
