@@ -31,9 +31,9 @@ from deploy.bridge.mission import Mission
 from deploy.bridge.team import make_team
 from deploy.bridge.warmup import warm_up
 from deploy.config import DeployConfig
-from deploy.mapping import RobotMap
+from deploy.mapping.robot_map import RobotMap
 from deploy.profiles import load_deploy_config
-from deploy.safety import HealthMonitor
+from deploy.safety.health import HealthMonitor
 
 WORLD = "generator:hall?seed=3"
 TICK = 0.1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
 import json
 import logging
 import secrets
@@ -12,6 +11,7 @@ from typing import Any
 
 import zenoh
 
+from common.bus.endpoint import is_loopback
 from common.config.schema import BusConfig
 from common.errors import BusError
 from common.messages.schema import MAX_WEIGHTS
@@ -77,20 +77,6 @@ def open_client_session(config: BusConfig, connect: Iterable[str] | None = None)
         return zenoh.open(_zenoh_config(settings))
     except zenoh.ZError as error:
         raise BusError(f"cannot open a session to {', '.join(endpoints)}: {error}") from None
-
-
-def is_loopback(endpoint: str) -> bool:
-    """Whether an endpoint can be reached from this machine alone."""
-    protocol, address = endpoint.split("/", 1)
-    if protocol == "unixsock-stream":
-        return True
-    host = address.rsplit(":", 1)[0].strip("[]")
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def _endpoint(text: str, config: BusConfig) -> str:

@@ -29,10 +29,12 @@ from deploy.bridge.reporter import Reporter
 from deploy.bridge.team import make_team, with_planning_set
 from deploy.bridge.warmup import warm_up
 from deploy.config import DeployConfig
-from deploy.mapping import RobotMap
+from deploy.mapping.robot_map import RobotMap
 from deploy.ros2 import Node
-from deploy.safety import Geofence, HealthMonitor, Lifecycle, LifecycleState, VelocityGate
-from deploy.safety.gate import behind_watchdog
+from deploy.safety.gate import VelocityGate, behind_watchdog
+from deploy.safety.geofence import Geofence
+from deploy.safety.health import HealthMonitor
+from deploy.safety.lifecycle import Lifecycle, LifecycleState
 
 log = logging.getLogger(__name__)
 

@@ -24,7 +24,7 @@ from deploy.bridge.outcome import Course, Outcome
 from deploy.bridge.oversight import Oversight
 from deploy.bridge.team import PlannerError, PlannerTeam
 from deploy.config import DeployConfig
-from deploy.safety import Fault, FaultKind, HealthMonitor
+from deploy.safety.health import Fault, FaultKind, HealthMonitor
 
 log = logging.getLogger(__name__)
 

@@ -18,7 +18,8 @@ from common.geometry import Pose
 from common.planners.base import Position
 from deploy.config import DeployConfig
 from deploy.driving import LocalPlanner
-from deploy.safety import HealthMonitor, VelocityGate
+from deploy.safety.gate import VelocityGate
+from deploy.safety.health import HealthMonitor
 
 log = logging.getLogger(__name__)
 

@@ -8,10 +8,10 @@ from collections.abc import Callable
 
 from common.geometry import Pose
 from deploy.config import DeployConfig
-from deploy.mapping import RobotMap
+from deploy.mapping.robot_map import RobotMap
 from deploy.ros2 import LATCHED, RELIABLE, SENSOR, STATIC, Message, Node, QoS, Received, seconds
 from deploy.ros2.conversions import grid_from, points_from, pose_from, scan_from, transforms_from
-from deploy.safety import HealthMonitor
+from deploy.safety.health import HealthMonitor
 
 # Poses come fast; those that a busy moment leaves waiting are still good for the buffer.
 _POSES = QoS(depth=50)

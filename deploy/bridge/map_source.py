@@ -7,7 +7,7 @@ from typing import Protocol
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Position
-from deploy.mapping import MapStatistics
+from deploy.mapping.robot_map import MapStatistics
 
 
 class MapSource(Protocol):

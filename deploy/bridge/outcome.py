@@ -8,7 +8,7 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Position
 from deploy.bridge.mission import Orders
-from deploy.safety import Fault
+from deploy.safety.health import Fault
 
 
 @dataclass(frozen=True, slots=True)

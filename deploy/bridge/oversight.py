@@ -16,8 +16,10 @@ from deploy.bridge.cell_route import to_frontier, to_target
 from deploy.bridge.detour import detour, useful_nodes
 from deploy.bridge.outcome import Course
 from deploy.config import DeployConfig
-from deploy.safety import Blacklist, Geofence, LoopDetector, ProgressMonitor
-from deploy.safety.blacklist import Ban
+from deploy.safety.blacklist import Ban, Blacklist
+from deploy.safety.geofence import Geofence
+from deploy.safety.loops import LoopDetector
+from deploy.safety.progress import ProgressMonitor
 
 # A place banned so often is out of reach for good.
 _HOPELESS: Final = 2

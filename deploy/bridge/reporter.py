@@ -12,8 +12,8 @@ from deploy.bridge.problems import LastProblem
 from deploy.bridge.status import Policy, Status, state_of
 from deploy.bridge.team import PlannerTeam
 from deploy.config import DeployConfig
-from deploy.mapping import RobotMap
-from deploy.safety import GateState
+from deploy.mapping.robot_map import RobotMap
+from deploy.safety.gate_state import GateState
 
 
 class Reporter:

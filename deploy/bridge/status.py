@@ -7,7 +7,7 @@ from typing import Any
 
 from common.planners.base import Position
 from deploy.bridge.outcome import Outcome
-from deploy.safety import GateMode, GateState
+from deploy.safety.gate_state import GateMode, GateState
 
 VERSION = 1
 

@@ -15,7 +15,7 @@ from common.mapping.warmup import warm_up as warm_up_mapping
 from common.planners.base import Planner, TaskName
 from deploy.config import DeployConfig
 from deploy.driving import LocalPlanner
-from deploy.mapping import RobotMap
+from deploy.mapping.robot_map import RobotMap
 
 log = logging.getLogger(__name__)
 

@@ -17,14 +17,14 @@ from deploy.bridge.outcome import Outcome
 from deploy.bridge.team import make_team, with_planning_set
 from deploy.bridge.words import parse
 from deploy.config import DeployConfig
-from deploy.mapping import RobotMap
+from deploy.mapping.robot_map import RobotMap
 from deploy.recording.comparison import Decision
 from deploy.recording.reader import Recorded
 from deploy.ros2 import Message, Received, RosError
 from deploy.ros2.conversions import pose_from_stamped, position_from
 from deploy.ros2.messages import deserialize
 from deploy.ros2.names import namespace, topic_name
-from deploy.safety import HealthMonitor
+from deploy.safety.health import HealthMonitor
 
 log = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import zenoh
 
-from common.bus.session import is_loopback
+from common.bus.endpoint import is_loopback
 from deploy.config import RosConfig
 from deploy.ros2.errors import RosError
 

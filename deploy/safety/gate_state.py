@@ -21,6 +21,8 @@ class GateMode(StrEnum):
     """Zeros: no scan, cloud or map came for too long."""
     POSE_STALE = "pose_stale"
     """Zeros: no pose came for too long."""
+    OUTSIDE = "outside"
+    """Zeros: the robot is outside `safety.geofence`."""
     HELD = "held"
     """Zeros: the bridge asked for them."""
     WISH_STALE = "wish_stale"

@@ -66,6 +66,8 @@ class GateRules:
         self._finishing: float | None = None
         self.sensor_time: float | None = None
         self.pose_time: float | None = None
+        self.outside = ""
+        """Where the robot stands outside the geofence; empty while it is inside."""
 
     @property
     def emergency_stop(self) -> str:
@@ -166,6 +168,8 @@ class GateRules:
                 return mode, f"no {what} has come yet"
             if now - last > limit:
                 return mode, f"no {what} for {limit:g} s"
+        if self.outside:
+            return GateMode.OUTSIDE, f"the robot is outside the geofence, seen at {self.outside}"
         if self._hold:
             return GateMode.HELD, self._hold
         if self._drives:

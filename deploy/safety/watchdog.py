@@ -11,7 +11,6 @@ import os
 import select
 import signal
 import socket
-import struct
 import sys
 import time
 import uuid
@@ -23,9 +22,10 @@ from common.closing import Closing
 from common.errors import HDError
 from common.logs import setup_logging
 from deploy.config import DeployConfig
-from deploy.ros2 import LATCHED, SENSOR, Message, Node, Received, message
+from deploy.ros2 import LATCHED, Node, message
 from deploy.safety.channel import Channel
 from deploy.safety.gate_state import GateMode, GateState
+from deploy.safety.inputs import WatchdogInputs
 from deploy.safety.output import VelocityOutput
 from deploy.safety.rules import Decision, GateRules
 
@@ -33,14 +33,12 @@ log = logging.getLogger("deploy.safety.watchdog")  # also when run as __main__
 
 _REPORT_PERIOD: Final = 0.2
 _STATUS_PERIOD: Final = 1.0
-# A Header's stamp stands first in CDR: 4 bytes of encapsulation, then int32 seconds and uint32 nanoseconds.
-_STAMP: Final = {0: struct.Struct(">4xiI"), 1: struct.Struct("<4xiI")}
 
 
 class Watchdog(Closing):
     """One watchdog: inputs from the bus and from the bridge, velocities out.
 
-    The callbacks of the bus only note what came and wake the loop.
+    One loop decides; the callbacks of the bus only note what came and wake it.
     """
 
     def __init__(self, config: DeployConfig, channel: Channel, emergency_stop: str = "") -> None:
@@ -57,20 +55,19 @@ class Watchdog(Closing):
         os.set_blocking(self._waker, False)
         os.set_blocking(self._wakeup, False)
         self._connected = True
-        self._other: tuple[float, str] | None = None
-        self._clock_offset: float | None = None
         self._last: Decision | None = None
         self._forwarded: float | None = None
         self._new_wish = False
         self._sent = (0.0, 0.0)
         self._stop_sent: int | None = None
         self._next_velocity = self._next_report = self._next_status = 0.0
+        self._inputs = WatchdogInputs(config, self._rules, self._id, self._wake, self._wake_unless_clear)
         self._node = Node(config.ros, f"{config.ros.node}_watchdog", config.topics.remap)
         try:
             self._output = VelocityOutput(self._node, config)
             self._output.velocity(0.0, 0.0)
             self._status = self._node.publisher(config.topics.watchdog, "std_msgs/msg/String", LATCHED)
-            self._subscribe()
+            self._inputs.subscribe(self._node)
         except BaseException:
             self.close()
             raise
@@ -83,7 +80,10 @@ class Watchdog(Closing):
             self._hear_bridge(now)
             decision = self._rules.decide(now)
             self._act(decision, now)
-            if decision.ended or self._succeeded():
+            gone = self._rules.gone_since
+            # A new bridge's watchdog came after this one's bridge had died.
+            replaced = gone is not None and self._inputs.another_since(gone)
+            if decision.ended or replaced:
                 log.info("the watchdog ends: %s", decision.reason if decision.ended else "another one has taken over")
                 return
             self._wait(min(self._next_velocity, self._next_report, self._next_status) - time.monotonic())
@@ -105,76 +105,7 @@ class Watchdog(Closing):
                 os.close(end)
         self._wakeup = self._waker = -1
 
-    # Inputs
-
-    def _subscribe(self) -> None:
-        config, node, topics = self._config, self._node, self._config.topics
-        # What stops comes first: nothing moves before sensors are heard, and declarations travel in their order.
-        if topics.emergency_stop:
-            node.subscribe(topics.emergency_stop, "std_msgs/msg/Bool", self._heard_emergency_stop)
-        if topics.joy:
-            node.subscribe(topics.joy, "sensor_msgs/msg/Joy", self._heard_joystick)
-        node.subscribe(topics.watchdog, "std_msgs/msg/String", self._heard_watchdog)
-        topic, kind, qos = {
-            "scan": (topics.scan, "sensor_msgs/msg/LaserScan", SENSOR),
-            "points": (topics.points, "sensor_msgs/msg/PointCloud2", SENSOR),
-            "grid": (topics.map, "nav_msgs/msg/OccupancyGrid", LATCHED),
-        }[config.sensing.source]
-        node.subscribe_raw(topic, kind, self._heard_sensor, qos)
-        if config.sensing.pose == "odometry":
-            node.subscribe_raw(topics.odometry, "nav_msgs/msg/Odometry", self._heard_pose, SENSOR)
-        else:
-            node.subscribe(topics.tf, "tf2_msgs/msg/TFMessage", self._heard_transforms)
-
-    def _heard_sensor(self, payload: bytes, received: Received) -> None:
-        self._rules.sensor_time = received.time
-        self._note_clock(payload, received)
-        self._wake_unless_clear()
-
-    def _heard_pose(self, payload: bytes, received: Received) -> None:
-        self._rules.pose_time = received.time
-        self._note_clock(payload, received)
-        self._wake_unless_clear()
-
-    def _heard_transforms(self, transforms: Message, received: Received) -> None:
-        # SLAM's own transform must not hide that the robot's odometry has stopped.
-        if any(one.child_frame_id.lstrip("/") == self._config.frames.base for one in transforms.transforms):
-            self._rules.pose_time = received.time
-            self._wake_unless_clear()
-
-    def _heard_emergency_stop(self, stop: Message, received: Received) -> None:
-        if stop.data:
-            log.debug("emergency stop heard %.3f s ago", time.monotonic() - received.time)
-            self._rules.latch(self._config.topics.emergency_stop)
-            self._wake()
-
-    def _heard_joystick(self, joy: Message, received: Received) -> None:
-        self._rules.joystick([float(axis) for axis in joy.axes], received.time)
-        self._wake()
-
-    def _heard_watchdog(self, status: Message, received: Received) -> None:
-        try:
-            other, mode = (json.loads(status.data)[key] for key in ("watchdog", "mode"))
-        except (ValueError, TypeError, KeyError):
-            return
-        # One that only waits for its end gives way by itself.
-        if other == self._id or mode == GateMode.BRIDGE_GONE:
-            return
-        if self._rules.bridge_gone:
-            self._wake()
-        elif self._other is None or self._other[1] != other:
-            log.warning("another watchdog sends velocities as well: is a second bridge running for this robot?")
-        self._other = received.time, other
-
-    def _succeeded(self) -> bool:
-        """Whether a new bridge's watchdog came after this one's bridge had died."""
-        gone = self._rules.gone_since
-        return gone is not None and self._other is not None and self._other[0] > gone
-
-    def _note_clock(self, payload: bytes, received: Received) -> None:
-        if len(payload) >= 12 and payload[1] in _STAMP:
-            seconds, nanoseconds = _STAMP[payload[1]].unpack_from(payload)
-            self._clock_offset = seconds + nanoseconds * 1e-9 - received.time
+    # The bridge
 
     def _hear_bridge(self, now: float) -> None:
         if not self._connected:
@@ -220,7 +151,7 @@ class Watchdog(Closing):
             self._new_wish = False
             if decision.velocity is not None:
                 self._sent = decision.velocity
-                self._output.velocity(*decision.velocity, self._robot_time(now))
+                self._output.velocity(*decision.velocity, self._inputs.robot_time(now))
             if decision.stop or decision.stop != self._stop_sent:
                 self._output.stop(decision.stop)
                 self._stop_sent = decision.stop
@@ -250,10 +181,6 @@ class Watchdog(Closing):
         level = logging.INFO if decision.mode in {GateMode.CLEAR, GateMode.HELD} else logging.WARNING
         before = "start" if self._last is None else self._last.mode.value
         log.log(level, "%s -> %s: %s", before, decision.mode.value, decision.reason)
-
-    def _robot_time(self, now: float) -> float:
-        time = 0.0 if self._clock_offset is None else now + self._clock_offset
-        return time if 0.0 <= time < 2**31 - 1 else 0.0
 
     # Waiting
 

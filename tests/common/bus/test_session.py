@@ -2,7 +2,8 @@ import logging
 
 import pytest
 
-from common.bus.session import is_loopback, open_client_session, open_learner_session
+from common.bus.endpoint import is_loopback
+from common.bus.session import open_client_session, open_learner_session
 from common.bus.spec import SpecServer, fetch_spec, list_runs
 from common.config.schema import BusConfig
 from common.errors import BusError

@@ -12,9 +12,9 @@ from deploy.bridge.decision import DecisionLoop
 from deploy.bridge.mission import Mission
 from deploy.bridge.team import make_team
 from deploy.config import DeployConfig
-from deploy.mapping import MapStatistics
+from deploy.mapping.robot_map import MapStatistics
 from deploy.profiles import DEPLOY
-from deploy.safety import HealthMonitor
+from deploy.safety.health import HealthMonitor
 
 MAPPING = {"resolution": 0.5, "sensor_range": 10.0, "viewpoint_spacing": 4.0, "beacon_range": 10.0}
 TICK = 0.1

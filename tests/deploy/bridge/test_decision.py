@@ -9,7 +9,7 @@ from common.geometry import Pose, Scan
 from common.planners.base import Plan, Status
 from deploy.bridge.completion import CompletionChecks
 from deploy.bridge.mission import Phase
-from deploy.mapping import RobotMap
+from deploy.mapping.robot_map import RobotMap
 from tests.common.planners.worlds import ARMS, DEAD_END, ROOM, ROOMS
 from tests.deploy.bridge.offline import MAPPING, Trial, ended, settings
 

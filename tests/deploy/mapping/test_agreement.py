@@ -8,7 +8,7 @@ from actors.simulators.grid import GridSimulator
 from common.config.schema import MappingConfig, SimulatorConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
-from deploy.mapping import RobotMap
+from deploy.mapping.robot_map import RobotMap
 from tests.deploy.mapping.lidar import configure
 
 SENSOR_RANGE = 20.0

@@ -5,7 +5,7 @@ import pytest
 
 from common.geometry import Pose
 from common.mapping.sight import FREE, OCCUPIED
-from deploy.mapping import RobotMap
+from deploy.mapping.robot_map import RobotMap
 from tests.deploy.mapping.lidar import RESOLUTION, cloud_at, configure, room
 
 pytest.importorskip("pyoctomap")

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from common.errors import MappingError
 from common.geometry import Pose
 from common.mapping.sight import FREE, OCCUPIED, UNKNOWN
-from deploy.mapping import RobotMap
 from deploy.mapping.inflation import WAY_OUT, inflation_offsets
+from deploy.mapping.robot_map import RobotMap
 from tests.common.mapping.worlds import random_world
 from tests.deploy.mapping.lidar import RESOLUTION, cloud_at, configure, room, scan_at
 from tests.deploy.mapping.test_inflation import inflated

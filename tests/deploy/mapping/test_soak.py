@@ -5,7 +5,7 @@ import psutil
 import pytest
 
 from common.geometry import Pose
-from deploy.mapping import RobotMap
+from deploy.mapping.robot_map import RobotMap
 from tests.deploy.mapping.lidar import cloud_at, configure, room
 
 

@@ -3,7 +3,9 @@
 import numpy as np
 
 from common.geometry import Pose
-from deploy.mapping import RobotMap, cloud, inflation, log_odds, slam_grid, volume, warm_up
+from deploy.mapping import cloud, inflation, log_odds, slam_grid, volume
+from deploy.mapping.robot_map import RobotMap
+from deploy.mapping.warmup import warm_up
 from tests.deploy.mapping.lidar import cloud_at, configure, room, scan_at
 
 KERNELS = (

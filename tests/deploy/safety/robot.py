@@ -7,9 +7,11 @@ import time
 
 import numpy as np
 
+from common.geometry import Pose
 from deploy.config import DeployConfig
 from deploy.ros2 import LATCHED, SENSOR, Node, header, message
-from deploy.safety import behind_watchdog
+from deploy.ros2.conversions import odometry
+from deploy.safety.gate import behind_watchdog
 from tests.common.bus.processes import free_port, python
 
 ZERO = (0.0, 0.0)
@@ -46,6 +48,7 @@ class Robot(contextlib.ExitStack):
         self.status: list[dict] = []
         self.stamps: list[float] = []
         self.scanning = self.posing = True
+        self.position = (0.0, 0.0)
         self._end = threading.Event()
 
     def __enter__(self):
@@ -109,7 +112,6 @@ class Robot(contextlib.ExitStack):
 
     def _publish(self) -> None:
         scan = message("sensor_msgs/msg/LaserScan", header=header(1000.0, "base_link"), ranges=[1.0] * 360)
-        odometry = message("nav_msgs/msg/Odometry", header=header(1000.0, "map"))
         cloud = message("sensor_msgs/msg/PointCloud2", header=header(1000.0, "map"), data=np.zeros(48000, np.uint8))
         base = message("geometry_msgs/msg/TransformStamped", child_frame_id="base_link")
         slam = message("geometry_msgs/msg/TransformStamped", child_frame_id="odom")
@@ -120,7 +122,7 @@ class Robot(contextlib.ExitStack):
                 self._scan.publish(scan)
                 self._cloud.publish(cloud)
             if self.posing:
-                self._pose.publish(odometry)
+                self._pose.publish(odometry(1000.0, "map", "base_link", Pose(*self.position)))
             self._tf.publish(tf[self.posing])
 
 
@@ -129,7 +131,7 @@ import json, logging, sys, threading
 from common.logs import setup_logging
 from deploy.config import DeployConfig
 from deploy.ros2 import Node
-from deploy.safety import VelocityGate, behind_watchdog
+from deploy.safety.gate import VelocityGate, behind_watchdog
 
 setup_logging("info")
 config = DeployConfig.model_validate_json(sys.argv[1])

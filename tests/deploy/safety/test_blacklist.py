@@ -1,5 +1,5 @@
 from deploy.config import SafetyConfig
-from deploy.safety import Blacklist
+from deploy.safety.blacklist import Blacklist
 
 DOOR = (5.0, 5.0)
 

@@ -6,8 +6,8 @@ import pytest
 
 from common.errors import ConfigError
 from deploy.config import DeployConfig, RosConfig
-from deploy.safety import SafetyError, VelocityGate, behind_watchdog
 from deploy.safety.channel import Channel
+from deploy.safety.gate import SafetyError, VelocityGate, behind_watchdog
 from tests.common.bus.processes import free_port
 
 

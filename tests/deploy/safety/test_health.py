@@ -4,7 +4,7 @@ import pytest
 
 from common.geometry import Pose
 from deploy.config import SafetyConfig
-from deploy.safety import FaultKind, HealthMonitor
+from deploy.safety.health import FaultKind, HealthMonitor
 
 FENCE = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0))
 

@@ -1,6 +1,6 @@
 import pytest
 
-from deploy.safety import Lifecycle, LifecycleError, LifecycleState
+from deploy.safety.lifecycle import Lifecycle, LifecycleError, LifecycleState
 
 PATHS = {
     LifecycleState.UNCONFIGURED: (),

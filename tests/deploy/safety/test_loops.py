@@ -3,7 +3,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.safety import LoopDetector
+from deploy.safety.loops import LoopDetector
 
 A, B, C = (0.0, 0.0), (4.0, 0.0), (4.0, 4.0)
 

@@ -1,5 +1,5 @@
 from deploy.config import SafetyConfig
-from deploy.safety import ProgressMonitor
+from deploy.safety.progress import ProgressMonitor
 
 
 def make(seconds: float = 30.0) -> ProgressMonitor:

@@ -50,6 +50,20 @@ def test_stale_inputs_stop(attribute, mode, word):
     assert decision.reason == word
 
 
+def test_a_robot_outside_the_fence_is_stopped_but_an_operator_can_drive_it_back():
+    rules = healthy(make(joy_release=2.0), 1.0)
+    rules.outside = "(7.00, 0.00)"
+    decision = rules.decide(1.0)
+    assert (decision.mode, decision.velocity, decision.stop) == (GateMode.OUTSIDE, ZERO, 2)
+    assert "(7.00, 0.00)" in decision.reason
+    rules.joystick([1.0, 0.0, 0.0, 0.0, 0.0], 1.0)
+    assert rules.decide(1.0).mode is GateMode.OVERRIDDEN
+    rules.outside = ""
+    assert healthy(rules, 9.0).decide(9.0).mode is GateMode.OVERRIDDEN, "the stick is still held"
+    rules.joystick([0.0] * 5, 9.0)
+    assert healthy(rules, 12.0).decide(12.0).mode is GateMode.CLEAR
+
+
 def test_silent_bridge_stops_and_may_come_back():
     rules = healthy(make(bridge_timeout=0.3), 1.0)
     assert rules.decide(1.29).mode is GateMode.CLEAR

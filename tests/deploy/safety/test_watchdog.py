@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -271,3 +273,23 @@ def alive(pid: int) -> bool:
 
 def is_zombie(pid: int) -> bool:
     return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+
+
+def test_a_robot_that_leaves_the_fence_is_stopped_without_the_bridge():
+    config = configuration(safety={"geofence": [(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)]})
+    with Robot(config) as robot, bridge(config) as other:
+        assert eventually(lambda: robot.velocity() == (1.0, 0.2), 60.0)
+        robot.position = (2.5, 0.0)
+        report("the fence is crossed", robot.time_to_zero(time.monotonic()))
+        state = other.state()
+        assert state["mode"] == "outside"
+        assert "(2.50, 0.00)" in state["reason"]
+        robot.position = (1.5, 0.0)
+        assert eventually(lambda: robot.velocity() == (1.0, 0.2)), "driven back, it goes on"
+
+
+def test_it_starts_without_what_it_does_not_need():
+    heavy = "numba", "shapely", "scipy", "typer", "common.mapping", "deploy.bridge"
+    code = f"import sys, deploy.safety.watchdog; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,91 @@
+"""Where the robot is, as the watchdog knows it: whether it has left the geofence."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+
+from common.errors import MappingError
+from common.geometry import Pose
+from deploy.config import DeployConfig
+from deploy.mapping.transforms import TransformTree
+from deploy.ros2 import SENSOR, STATIC, Message, Node, QoS, Received
+from deploy.ros2.conversions import pose_from, transforms_from
+from deploy.safety.geofence import Geofence
+
+log = logging.getLogger(__name__)
+
+_TRANSFORMS = QoS(depth=100)
+
+
+class FenceWatch:
+    """Follows the robot by odometry or TF, without the bridge, and tells when it leaves the fence or comes back.
+
+    Usage::
+
+        FenceWatch(config, lambda outside: print(outside or "inside")).subscribe(node)
+    """
+
+    def __init__(self, config: DeployConfig, tell: Callable[[str], None]) -> None:
+        """Know nothing yet.
+
+        Args:
+            config: whole tree.
+            tell: called from the threads of subscriptions with where the robot stands outside, empty when it is inside.
+
+        Raises:
+            ConfigError: `safety.geofence` is no polygon.
+        """
+        self._fence = Geofence(config.safety.geofence)
+        self._by_tf = config.sensing.pose == "tf"
+        self._topics = config.topics
+        self._frames = config.frames
+        self._tell = tell
+        self._tree = TransformTree()
+        self._lock = threading.Lock()
+        self._inside = True
+
+    def subscribe(self, node: Node) -> None:
+        """Listen to what tells the robot's pose in the map frame."""
+        topics = self._topics
+        if not self._by_tf:
+            node.subscribe(topics.odometry, "nav_msgs/msg/Odometry", self.take_odometry, SENSOR)
+            return
+        node.subscribe(topics.tf, "tf2_msgs/msg/TFMessage", self.take_transforms, _TRANSFORMS)
+        if topics.tf_static:
+            node.subscribe(topics.tf_static, "tf2_msgs/msg/TFMessage", self.take_static_transforms, STATIC)
+
+    def take_odometry(self, odometry: Message, received: Received) -> None:
+        """Take a nav_msgs/Odometry, whose pose is in the map frame."""
+        del received
+        with self._lock:
+            self._at(pose_from(odometry)[1])
+
+    def take_transforms(self, transforms: Message, received: Received) -> None:
+        """Take a tf2_msgs/TFMessage of /tf."""
+        del received
+        self._grow(transforms, static=False)
+
+    def take_static_transforms(self, transforms: Message, received: Received) -> None:
+        """Take a tf2_msgs/TFMessage of /tf_static."""
+        del received
+        self._grow(transforms, static=True)
+
+    def _grow(self, transforms: Message, *, static: bool) -> None:
+        with self._lock:
+            for time, parent, child, translation, rotation in transforms_from(transforms):
+                try:
+                    self._tree.add(time, parent, child, translation, rotation, static=static)
+                except MappingError as error:
+                    log.debug("transform refused: %s", error)  # the bridge warns of it
+            newest = self._tree.newest(self._frames.map, self._frames.base)
+            found = None if newest is None else self._tree.lookup(self._frames.map, self._frames.base, newest, 0.0)
+            if found is not None:
+                self._at(found.pose)
+
+    def _at(self, pose: Pose) -> None:
+        inside = self._fence.contains(pose.position)
+        if inside != self._inside:
+            self._inside = inside
+            self._tell("" if inside else f"({pose.x:.2f}, {pose.y:.2f})")
