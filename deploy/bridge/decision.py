@@ -6,18 +6,15 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Final
-
-import numpy as np
 
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
-from common.mapping.sight import FREE
 from common.planners.base import Plan, Position, Status
 from deploy.bridge.completion import CompletionChecks
 from deploy.bridge.detour import nearest_free_place
 from deploy.bridge.diagnosis import diagnose
+from deploy.bridge.legs import begun_at, drivable, free_in, nothing_to_see
 from deploy.bridge.map_source import MapSource
 from deploy.bridge.mission import Mission, Orders, Phase
 from deploy.bridge.outcome import Course, Outcome
@@ -155,7 +152,7 @@ class DecisionLoop:
 
     def _check(self, mapper: Mapper | None, now: float) -> None:
         waypoint = self._course.waypoint if self._course else None
-        self._faults = self._health.check(now, waypoint=waypoint, is_free=None if mapper is None else _is_free(mapper))
+        self._faults = self._health.check(now, waypoint=waypoint, is_free=None if mapper is None else free_in(mapper))
 
     def _due(self, mapper: Mapper, pose: Pose, now: float) -> bool:
         """Whether it is time to decide."""
@@ -170,17 +167,13 @@ class DecisionLoop:
             return True
         if any(fault.kind is FaultKind.WAYPOINT_OCCUPIED for fault in self._faults) or self._arrived(pose):
             return True
-        if now < self._next or (self._config.replan == "seen" and not self._seen(course, mapper)):
+        if now < self._next or (self._config.replan == "seen" and not self._seen(mapper, course.goal)):
             return False
         return asked is None or pose.distance_to(asked[0].position) > _MOVED or asked[2] != mapper.belief.known_cells
 
-    def _seen(self, course: Course, mapper: Mapper) -> bool:
+    def _seen(self, mapper: Mapper, goal: Position) -> bool:
         """Whether nothing is left to see from where the robot is going."""
-        if mapper.stuck or course.goal == self._oversight.target:
-            return False
-        gaps = np.hypot(*(mapper.viewpoints - np.array(course.goal)).T)
-        node = int(gaps.argmin())
-        return bool(gaps[node] < self._mapping.resolution and mapper.observe().utility[node] == 0)
+        return goal != self._oversight.target and nothing_to_see(mapper, goal)
 
     def _decide(self, mapper: Mapper, pose: Pose, now: float) -> bool:
         """Let a planner decide where to go, and watch over its choice."""
@@ -207,7 +200,9 @@ class DecisionLoop:
         if plan.status is not Status.GOING:
             plan = self._oversight.over_cells(mapper, place, plan, now)
         if plan.status is Status.GOING and plan.waypoint is not None:
-            self._go(mapper, pose, self._from_here(mapper, pose, place, plan, stands), place, now)
+            if not (stands and self._arrived(pose)):
+                plan = begun_at(mapper, pose, place, plan)
+            self._go(mapper, pose, plan, place, now)
         else:
             self._nowhere(mapper, place, plan)
         return True
@@ -237,18 +232,6 @@ class DecisionLoop:
 
     # Going.
 
-    def _from_here(self, mapper: Mapper, pose: Pose, place: Pose, plan: Plan, stands: bool) -> Plan:
-        """Begin a plan with the place that it was made for where the robot cannot cut the corner.
-
-        A robot that has come to a stand near that place will come no nearer: it is sent on.
-        """
-        waypoint = plan.waypoint
-        if waypoint is None or place is pose or place.position == waypoint or (stands and self._arrived(pose)):
-            return plan
-        if mapper.segment_free(pose.position, waypoint):
-            return plan
-        return replace(plan, waypoint=place.position, path=[waypoint, *plan.path])
-
     def _go(self, mapper: Mapper, pose: Pose, plan: Plan, place: Pose, now: float) -> None:
         """Set out for a waypoint, and look whether the robot gets anywhere."""
         assert plan.waypoint is not None
@@ -257,8 +240,8 @@ class DecisionLoop:
         self._hold = ""
         old = self._course
         reached = old.waypoint if old is not None and self._arrived(pose) else None
-        ahead = self._drivable(mapper, waypoint, plan.path, now)
-        self._course = Course(waypoint, plan.beacon, tuple(plan.path), (waypoint, *ahead), plan.reason)
+        route = drivable(mapper, [waypoint, *plan.path], lambda start, end: self._oversight.may_enter(start, end, now))
+        self._course = Course(waypoint, plan.beacon, tuple(plan.path), route, plan.reason)
         self._watch(self._course, mapper, place, reached, now)
 
     def _watch(self, course: Course, mapper: Mapper, place: Pose, reached: Position | None, now: float) -> None:
@@ -269,15 +252,6 @@ class DecisionLoop:
             self.team.relieve(now, vain)
             self._stand(vain)
             self._next, self._asked = now, None
-
-    def _drivable(self, mapper: Mapper, start: Position, path: list[Position], now: float) -> list[Position]:
-        """Return the beginning of a path that is known to be free and allowed."""
-        kept = [start]
-        for place in path:
-            if not mapper.segment_free(kept[-1], place) or not self._oversight.may_enter(kept[-1], place, now):
-                break
-            kept.append(place)
-        return kept[1:]
 
     # Standing.
 
@@ -336,7 +310,3 @@ class DecisionLoop:
             checks=self._checks.count,
             bans=self._oversight.bans(now),
         )
-
-
-def _is_free(mapper: Mapper) -> Callable[[Position], bool]:
-    return lambda position: mapper.belief.at(position) == FREE

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import zenoh
 
-from deploy.config import RosConfig
+from deploy.network_config import RosConfig
 from deploy.ros2.keys import LETTERS, Role, ros_type
 from deploy.ros2.qos import QoS
 from deploy.ros2.session import open_session

@@ -9,7 +9,7 @@ from typing import Any
 import zenoh
 
 from common.closing import Closing
-from deploy.config import RosConfig
+from deploy.network_config import RosConfig
 from deploy.ros2.dispatch import Dispatcher
 from deploy.ros2.endpoints import Endpoint, Latest, Publisher, Received, Subscription
 from deploy.ros2.keys import NodeId, Role, layout_of

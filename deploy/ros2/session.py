@@ -9,7 +9,7 @@ from typing import Any
 import zenoh
 
 from common.bus.endpoint import is_loopback
-from deploy.config import RosConfig
+from deploy.network_config import RosConfig
 from deploy.ros2.errors import RosError
 
 log = logging.getLogger(__name__)

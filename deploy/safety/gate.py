@@ -12,7 +12,8 @@ from typing import Any, Final
 
 from common.closing import Closing
 from common.errors import ConfigError, HDError
-from deploy.config import DeployConfig, RosConfig
+from deploy.config import DeployConfig
+from deploy.network_config import RosConfig
 from deploy.ros2 import Node
 from deploy.safety.channel import Channel
 from deploy.safety.gate_state import GateMode, GateState

@@ -10,7 +10,8 @@ from common.closing import Closing
 from common.config.schema import SimulatorConfig
 from common.errors import SimulatorError
 from common.geometry import Pose
-from deploy.config import DeployConfig, RosConfig
+from deploy.config import DeployConfig
+from deploy.network_config import RosConfig
 from deploy.ros2 import SENSOR, Node, message
 from deploy.ros2.conversions import laser_scan, odometry, position_from, velocity_from
 from tests.common.bus.processes import free_port

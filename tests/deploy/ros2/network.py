@@ -5,7 +5,7 @@ import json
 
 import zenoh
 
-from deploy.config import RosConfig
+from deploy.network_config import RosConfig
 from tests.common.bus.processes import free_port
 
 KINDS = (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from common.geometry import Pose, Scan
-from deploy.config import RosConfig
+from deploy.network_config import RosConfig
 from deploy.ros2 import LATCHED, RELIABLE, SENSOR, STATIC, Node, QoS, RosError, message
 from deploy.ros2.conversions import (
     grid_from,

@@ -5,7 +5,8 @@ import sys
 import pytest
 
 from common.errors import ConfigError
-from deploy.config import DeployConfig, RosConfig
+from deploy.config import DeployConfig
+from deploy.network_config import RosConfig
 from deploy.safety.channel import Channel
 from deploy.safety.gate import SafetyError, VelocityGate, behind_watchdog
 from tests.common.bus.processes import free_port

@@ -1,0 +1,112 @@
+"""Parameters of the robot's network: the Zenoh endpoints, frames and topic names."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from common.config.schema import Section
+
+
+class RosConfig(Section):
+    """ROS 2 over Zenoh: how topics become keys, and whom to connect to."""
+
+    layout: Literal["rmw_zenoh", "ros2dds"] = "rmw_zenoh"
+    """Key layout: `rmw_zenoh` for robots whose RMW is Zenoh, `ros2dds` behind a zenoh-bridge-ros2dds."""
+    distro: Literal["humble", "jazzy", "kilted"] = "jazzy"
+    """ROS 2 distribution whose message definitions are spoken."""
+    domain: Annotated[int, Field(ge=0, le=232)] = 0
+    """ROS_DOMAIN_ID."""
+    namespace: str = ""
+    """Namespace put before every relative topic name, such as `robot1`."""
+    node: str = "hd_bridge"
+    """Name of the node that `ros2 node list` shows."""
+    mode: Literal["auto", "peer", "client"] = "auto"
+    """How to join: `peer` talks to the other nodes directly, as ROS 2 nodes on one machine do; `client` goes through
+    the router, as a router on another machine needs it; `auto` is `peer` where `connect` names this machine alone."""
+    connect: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
+    """Zenoh endpoints to connect to: the robot's `rmw_zenohd` router or its zenoh-bridge-ros2dds."""
+    listen: tuple[str, ...] = ()
+    """Zenoh endpoints to listen on, when there is no router at all: the bridge is one then."""
+
+
+class FramesConfig(Section):
+    """Coordinate frames."""
+
+    map: str = "map"
+    """Fixed frame in which the robot plans."""
+    odom: str = "odom"
+    """Frame of the odometry, where the profile uses TF."""
+    base: str = "base_link"
+    """The robot's own frame."""
+
+
+class TopicsConfig(Section):
+    """Topic names, ROS types where a robot may choose, and an empty name for a topic that is not used.
+
+    Names that begin with `/` are absolute, others stand below `ros.namespace`.
+    """
+
+    odometry: str = "/odom"
+    """IN nav_msgs/Odometry: pose and velocity."""
+    scan: str = "/scan"
+    """IN sensor_msgs/LaserScan, for `sensing.source: scan`."""
+    points: str = ""
+    """IN sensor_msgs/PointCloud2, for `sensing.source: points`."""
+    map: str = ""
+    """IN nav_msgs/OccupancyGrid of the robot's SLAM, for `sensing.source: grid`."""
+    tf: str = "/tf"
+    """IN tf2_msgs/TFMessage, for `sensing.pose: tf`."""
+    tf_static: str = "/tf_static"
+    """IN tf2_msgs/TFMessage, latched."""
+    goal: str = "/goal_point"
+    """IN geometry_msgs/PointStamped: target of the navigation task."""
+    goal_pose: str = ""
+    """IN geometry_msgs/PoseStamped: target of the navigation task, as RViz's goal tool publishes it."""
+    start: str = "/start_exploration"
+    """IN std_msgs/Bool: true starts."""
+    command: str = "/hd/command"
+    """IN std_msgs/String: start, pause, resume, abort, return_home, reset, stop, release, status, `goal X Y`."""
+    emergency_stop: str = "/hd/emergency_stop"
+    """IN std_msgs/Bool: true latches the stop, whoever publishes it; only `hd-deploy command release` releases it."""
+    joy: str = "/joy"
+    """IN sensor_msgs/Joy: a moved stick takes over."""
+    waypoint: str = "/way_point"
+    """OUT geometry_msgs/PointStamped: where to go next."""
+    waypoint_pose: str = ""
+    """OUT geometry_msgs/PoseStamped: the same for nav2 (`/goal_pose`)."""
+    path: str = "/hd/path"
+    """OUT nav_msgs/Path: the route beyond the waypoint."""
+    beacon: str = "/hd/beacon"
+    """OUT geometry_msgs/PointStamped: the chosen beacon."""
+    status: str = "/hd/status"
+    """OUT std_msgs/String: JSON of state, reason, explored area, distance, decision time."""
+    acknowledgement: str = "/hd/acknowledgement"
+    """OUT std_msgs/String: JSON answer to every command."""
+    markers: str = "/hd/markers"
+    """OUT visualization_msgs/MarkerArray: graph, frontiers, beacons, attention."""
+    belief: str = "/hd/belief"
+    """OUT nav_msgs/OccupancyGrid, transient local: what the planner believes."""
+    watchdog: str = "/hd/watchdog"
+    """OUT std_msgs/String, transient local: JSON of the watchdog's mode, reason and ages of what it hears."""
+    velocity: str = "/cmd_vel"
+    """OUT geometry_msgs/Twist or TwistStamped: owned by the watchdog process."""
+    stop: str = ""
+    """OUT std_msgs/Int8 of the CMU stack: 0 go, 1 zero linear, 2 also zero yaw."""
+    speed: str = ""
+    """OUT std_msgs/Float32 of the CMU stack, m/s."""
+    finished: str = "/exploration_finish"
+    """OUT std_msgs/Bool: the task is done."""
+    goal_reached: str = "/far_reach_goal_status"
+    """OUT std_msgs/Bool: the navigation target is reached."""
+    runtime: str = "/runtime"
+    """OUT std_msgs/Float32: decision time, s."""
+    explored_volume: str = "/explored_volume"
+    """OUT std_msgs/Float32: points after a 0.5 m voxel filter times 0.125 m3 (`sensing.source: points`)."""
+    travelling_distance: str = "/traveling_distance"
+    """OUT std_msgs/Float32: metres travelled."""
+    time_duration: str = "/time_duration"
+    """OUT std_msgs/Float32: seconds since the first motion."""
+    remap: dict[str, str] = Field(default_factory=dict)
+    """Topic names replaced after everything else: from the name above to the robot's own."""
