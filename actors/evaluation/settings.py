@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from actors.evaluation.omniscient import NAME as OMNISCIENT
 from actors.evaluation.omniscient import OmniscientReference
 from common.config.schema import MappingConfig, SimulatorConfig, TaskConfig
-from common.errors import CheckpointError, ConfigError
+from common.errors import CheckpointError, ConfigError, HDError
 from common.planners.base import Planner
 from common.planners.registry import make_planner, planner_names, planner_summary
 from common.shipped import shipped_policy
@@ -105,7 +105,16 @@ def _make_own(name: str, mapping: MappingConfig) -> Planner:
     if here not in sys.path:
         sys.path.insert(0, here)
     try:
-        made = getattr(import_module(module), factory)
+        made = getattr(import_module(module), factory)(mapping)
     except (ImportError, AttributeError, ValueError) as error:
         raise ConfigError(f"cannot load planner {name!r} ({error}): write it as MODULE:CLASS") from error
-    return cast(Planner, made(mapping))
+    except HDError:
+        raise
+    except Exception as error:
+        raise ConfigError(
+            f"cannot make planner {name!r} ({type(error).__name__}: {error}): its class is called with a MappingConfig"
+        ) from error
+    missing = [attribute for attribute in ("name", "tasks", "reset", "plan") if not hasattr(made, attribute)]
+    if missing:
+        raise ConfigError(f"{name!r} is no planner, it has no {', '.join(missing)}: see common.planners.base.Planner")
+    return cast(Planner, made)

@@ -41,7 +41,7 @@ def large(
     ] = "generator:building",
     targets: Annotated[int, typer.Option("--targets", min=1, max=50, help="Targets of a tour.")] = 5,
     inflate: Annotated[
-        float, typer.Option("--inflate", min=0.0, metavar="METRES", help="Thicken obstacles for the planners.")
+        float, typer.Option("--inflate", min=0.0, max=2.0, metavar="METRES", help="Thicken obstacles for the planners.")
     ] = 0.0,
     policy: Annotated[
         Path | None, typer.Option("--policy", metavar="FILE", help="Policy (.safetensors) of the planner `hdplanner`.")

@@ -36,7 +36,7 @@ class LargeSettings(EvaluationSettings):
     task: TaskConfig = TaskConfig(max_steps=MAX_STEPS)
     simulator: SimulatorConfig = SimulatorConfig(**LIDAR)
     targets: Annotated[int, Field(ge=1, le=50)] = 5
-    inflation: Annotated[float, Field(ge=0.0, lt=2.0)] = 0.0
+    inflation: Annotated[float, Field(ge=0.0, le=2.0)] = 0.0
 
     @model_validator(mode="after")
     def _physics(self) -> LargeSettings:

@@ -90,6 +90,8 @@ def test_an_mp4_is_written(folder, tmp_path):
         ),
         (["run", "--planner", "greedy", "--maps", "nowhere/", "--out", "x"], "no such folder"),
         (["run", "--planner", "greedy", *WHERE, "--set", "task.max_step=3", "--out", "x"], "max_step"),
+        (["run", "--planner", "os:getcwd", *WHERE, "--out", "x"], "called with a MappingConfig"),
+        (["run", "--planner", "builtins:repr", *WHERE, "--out", "x"], "'builtins:repr' is no planner"),
         (["table", "nowhere"], "hd-eval run"),
         (["video", "nowhere.json", *WHERE, "--out", "a.gif"], "cannot read"),
     ],
