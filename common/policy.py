@@ -93,7 +93,6 @@ class Policy:
         *,
         greedy: bool,
         rng: np.random.Generator,
-        waypoint_bias: NDArray[np.float32] | None = None,
     ) -> Decision:
         """Choose a beacon and a waypoint.
 
@@ -106,8 +105,6 @@ class Policy:
             observation: what the robot knows; it must have a beacon and a waypoint.
             greedy: take the best instead of drawing.
             rng: source of chance.
-            waypoint_bias: added to the logits of the waypoints, shape (waypoints,), in the order of
-                `Observation.waypoint_nodes`; for rules such as the one against revisits.
 
         Raises:
             ValueError: there is no beacon or no waypoint to choose.
@@ -121,9 +118,6 @@ class Policy:
                 f"{len(waypoints)} waypoints: the episode should have ended"
             )
         log_beacon, log_waypoint = self._network(graph)
-        if waypoint_bias is not None:
-            biased = log_waypoint + waypoint_bias
-            log_waypoint = biased - np.logaddexp.reduce(biased, axis=1, keepdims=True)
         log_joint = log_beacon[:, None] + log_waypoint
         joint = np.exp(log_joint)
         marginal = joint.sum(axis=0)

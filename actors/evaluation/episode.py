@@ -45,7 +45,7 @@ class Outcome:
         reason: why it ended, in words.
         decision_ms: processor time of every decision, mapping included, milliseconds.
         crashed: the episode did not end by itself: the planner raised an error, or its process ended.
-        notes: counts that a planner keeps, such as decisions under the revisit rule.
+        notes: counts that a planner keeps, such as decisions of the rule against cycles.
     """
 
     waypoints: list[Position]

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.mapping.mapper import Mapper
 from common.planners.base import Position
-
-# New area that counts as news, square metres: less is what scans graze in passing.
-NEWS_AREA: Final = 0.5
+from common.planners.news import PlacesSinceNews
 
 
 class HeldTour:
@@ -26,8 +22,7 @@ class HeldTour:
     """
 
     def __init__(self) -> None:
-        self._area = -inf
-        self._planned: set[Position] = set()
+        self._planned = PlacesSinceNews()
         self._stops: list[Position] = []
 
     def stops(
@@ -45,10 +40,7 @@ class HeldTour:
             positions: of all viewpoints, metres, shape (n, 2).
             plan: solves a tour.
         """
-        area = mapper.belief.known_cells * mapper.belief.resolution**2
-        if area >= self._area + NEWS_AREA:
-            self._area = area
-            self._planned.clear()
+        if self._planned.forget_on_news(mapper):
             self._stops.clear()
         if self._stops:
             nodes = {_place(positions[node]): int(node) for node in candidates}
@@ -56,7 +48,7 @@ class HeldTour:
             if self._stops:
                 return [nodes[place] for place in self._stops]
         tour = plan()
-        here = _place(positions[mapper.robot])
+        here = mapper.position(mapper.robot)
         if here in self._planned:
             self._stops = [_place(positions[node]) for node in tour]
         self._planned.add(here)

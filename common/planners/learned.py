@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.config.schema import MappingConfig
-from common.errors import ConfigError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.observation import Observation
 from common.planners.base import Plan, Position, Status, TaskName
-from common.planners.lattice import ScannedViewpoints, check_task, first_legs, nothing_left
+from common.planners.greedy import GreedyPlanner
+from common.planners.lattice import ScannedViewpoints, check_task, first_legs, lead_to, nothing_left
+from common.planners.news import PlacesSinceNews
 from common.policy import Policy
 from common.policy_file import PolicyCard, read_policy
 from common.shipped import shipped_policy, shipped_tasks
@@ -24,11 +24,6 @@ from common.shipped import shipped_policy, shipped_tasks
 log = logging.getLogger(__name__)
 
 TASKS: tuple[TaskName, ...] = ("exploration", "navigation")
-
-# What one visit since the last news takes off the logit of a viewpoint, by the revisit rule.
-REVISIT_PENALTY = 1.0
-# New area that counts as news, m2. Noisy ranges make single cells known at almost every step.
-NEWS_AREA = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,14 +49,17 @@ class LearnedPlanner:
     J. Liang et al.: "HDPlanner: Advancing Autonomous Deployments in Unknown Environments through Hierarchical Decision
     Networks", IEEE Robotics and Automation Letters, 2025. Greedy on the waypoint marginal sum_b pi_b pi_a(. | b).
 
-    A rule beside the network ends cycles of greedy choices: the logit of a viewpoint is lowered by `revisit_penalty`
-    for each visit since the last new area. It is no part of the paper, so the decisions that it touched are counted,
-    and `hdplanner-bare` is the network without it.
+    A rule beside the network ends cycles of greedy choices: when the choice is a viewpoint at which the robot has been
+    since it last saw something new, the robot goes by the shortest path to a useful viewpoint instead, until it sees
+    something new or is there. Which one the classical rules say: in exploration the one that the greedy utility
+    planner prefers, in navigation the one of the shortest optimistic way to the target. Every such detour leads to news
+    or is done with its goal, so there is an end. The rule is no part of the paper, so its decisions are counted, and
+    `hdplanner-bare` is the network without it.
 
     Attributes:
         card: what the policy is and where it comes from; of shipped policies that of the last `reset`, None before.
         policy: the network; weights that it loads hold from the next decision on. Of shipped policies as `card`.
-        rule_applied: decisions of this episode in which the rule lowered the logit of a choice.
+        rule_applied: decisions of this episode that the rule made.
         attention: how probable the choices of the last decision were; None before the first.
     """
 
@@ -73,7 +71,7 @@ class LearnedPlanner:
         config: MappingConfig,
         *,
         policy: str | Path | tuple[Policy, PolicyCard] | None = None,
-        revisit_penalty: float = REVISIT_PENALTY,
+        end_cycles: bool = True,
     ) -> None:
         """Load a policy.
 
@@ -81,18 +79,15 @@ class LearnedPlanner:
             config: the mapping that the planner will be given.
             policy: weights (.safetensors) with their card beside them, as `hd-learner export` writes them; without it
                 the shipped policy of each task is used. Or a policy that was read already, with its card.
-            revisit_penalty: see above; 0 leaves the network alone.
+            end_cycles: apply the rule against cycles; otherwise the network is left alone.
 
         Raises:
-            ConfigError: the penalty is negative.
             CheckpointError: the policy cannot be read, or none is shipped.
             WeightsError: the weights do not fit the network of the card.
         """
-        if not revisit_penalty >= 0.0:
-            raise ConfigError(f"planner 'hdplanner': revisit_penalty must be 0 or more, got {revisit_penalty}")
         self._config = config
-        self._penalty = revisit_penalty
-        self._news_area = NEWS_AREA
+        self._end_cycles = end_cycles
+        self._greedy = GreedyPlanner(config)
         self._held: dict[str, tuple[Policy, PolicyCard]] = {}
         self._shipped = policy is None
         self.card: PolicyCard | None = None
@@ -101,12 +96,13 @@ class LearnedPlanner:
             _warn_of_other_mapping(self.card, config)
         elif not shipped_tasks():
             shipped_policy("exploration")
+        self._way_out: Position | None = None
         self._forget()
 
     @property
     def name(self) -> str:
-        """Name by which commands and results files call it; it tells whether the revisit rule is off."""
-        return "hdplanner" if self._penalty else "hdplanner-bare"
+        """Name by which commands and results files call it; it tells whether the rule against cycles is off."""
+        return "hdplanner" if self._end_cycles else "hdplanner-bare"
 
     @property
     def tasks(self) -> frozenset[TaskName]:
@@ -148,13 +144,13 @@ class LearnedPlanner:
             return Plan(status, reason=nothing_left(int(np.count_nonzero(useful))))
         if not len(waypoints):
             return Plan(Status.STUCK, reason="the robot's viewpoint has no neighbour")
-        self._note_visit(mapper)
-        decision = self.policy.decide(
-            observation,
-            greedy=True,
-            rng=self._random,
-            waypoint_bias=self._bias(mapper, observation, waypoints),
-        )
+        if self._places.forget_on_news(mapper):
+            self._way_out = None
+        self._places.add(mapper.position(mapper.robot))
+        plan = self._follow_way_out(mapper, pose)
+        if plan is not None:
+            return plan
+        decision = self.policy.decide(observation, greedy=True, rng=self._random)
         self.attention = Attention(
             np.array([mapper.position(node) for node in waypoints.tolist()]),
             decision.waypoint_probabilities,
@@ -162,9 +158,42 @@ class LearnedPlanner:
             decision.beacon_probabilities,
         )
         waypoint, beacon = mapper.position(decision.waypoint), mapper.position(decision.beacon)
+        if self._end_cycles and waypoint in self._places:
+            self._way_out = self._find_way_out(mapper, pose, observation)
+            plan = self._follow_way_out(mapper, pose)
+            if plan is not None:
+                return plan
         route = [mapper.position(mapper.robot), waypoint]
         legs = first_legs(mapper, pose, route, self._config.viewpoint_spacing)
         return Plan(Status.GOING, waypoint=legs[0], beacon=beacon, path=legs[1:])
+
+    def _find_way_out(self, mapper: Mapper, pose: Pose, observation: Observation) -> Position | None:
+        """Return the goal of a detour, None without a useful viewpoint that was not scanned from."""
+        positions = mapper.viewpoints
+        distances = mapper.distances(mapper.robot)
+        useful = (observation.utility > 0) & ~self._scanned.mask(positions)
+        candidates = np.flatnonzero(useful & np.isfinite(distances[: len(positions)]))
+        if not len(candidates):
+            return None
+        if mapper.target is None:
+            return mapper.position(self._greedy.choose(mapper, pose, candidates, positions)[0])
+        beyond = np.hypot(*(positions[candidates] - np.array(mapper.target)).T)
+        return mapper.position(int(candidates[np.argmin(distances[candidates] + beyond)]))
+
+    def _follow_way_out(self, mapper: Mapper, pose: Pose) -> Plan | None:
+        """Return the next leg of a detour, None without one or at its end."""
+        if self._way_out is None:
+            return None
+        positions = mapper.viewpoints
+        goal = int(np.argmin(np.hypot(*(positions - np.array(self._way_out)).T)))
+        if goal == mapper.robot or not len(mapper.path(mapper.robot, goal)):
+            self._way_out = None
+            return None
+        self.rule_applied += 1
+        plan = lead_to(mapper, pose, [goal], self._config.viewpoint_spacing)
+        if plan.waypoint is not None:
+            self._scanned.note_attempt(pose, plan.waypoint, mapper.position(goal))
+        return plan
 
     def _read_shipped(self, task: TaskName) -> tuple[Policy, PolicyCard]:
         if task not in self._held:
@@ -175,39 +204,15 @@ class LearnedPlanner:
     def _forget(self) -> None:
         self._random = np.random.default_rng(0)
         self._scanned = ScannedViewpoints(self._config.viewpoint_spacing)
-        self._visits: dict[Position, int] = {}
-        self._known_area = -math.inf
+        self._places = PlacesSinceNews()
+        self._way_out = None
         self.rule_applied = 0
         self.attention = None
 
-    def _note_visit(self, mapper: Mapper) -> None:
-        """Count that the robot is at its viewpoint; new area makes all earlier visits void."""
-        known = mapper.belief.known_cells * mapper.belief.resolution**2
-        if known >= self._known_area + self._news_area:
-            self._known_area = known
-            self._visits.clear()
-        node = mapper.position(mapper.robot)
-        self._visits[node] = self._visits.get(node, 0) + 1
-
-    def _bias(
-        self, mapper: Mapper, observation: Observation, waypoints: NDArray[np.int64]
-    ) -> NDArray[np.float32] | None:
-        """Return what the revisit rule adds to the logits of the waypoints, None when that is nothing."""
-        if not self._penalty:
-            return None
-        visits = [
-            0 if node == observation.viewpoints else self._visits.get(mapper.position(node), 0)
-            for node in waypoints.tolist()
-        ]
-        if not any(visits):
-            return None
-        self.rule_applied += 1
-        return np.array(visits, dtype=np.float32) * np.float32(-self._penalty)
-
 
 def bare_planner(config: MappingConfig, *, policy: str | Path | None = None) -> LearnedPlanner:
-    """Return a learned planner without the revisit rule; see `LearnedPlanner`."""
-    return LearnedPlanner(config, policy=policy, revisit_penalty=0.0)
+    """Return a learned planner without the rule against cycles; see `LearnedPlanner`."""
+    return LearnedPlanner(config, policy=policy, end_cycles=False)
 
 
 def _warn_of_other_mapping(card: PolicyCard, config: MappingConfig) -> None:

@@ -56,17 +56,6 @@ def test_draws_follow_the_probabilities() -> None:
         np.testing.assert_allclose(counts / len(draws), expected, atol=0.05)
 
 
-def test_a_bias_moves_the_choice() -> None:
-    observation = random_observation(np.random.default_rng(4), 20)
-    policy, rng = Policy.from_config(CONFIG), np.random.default_rng(0)
-    waypoints = observation.waypoint_nodes()
-    bias = np.zeros(len(waypoints), dtype=np.float32)
-    bias[-1] = 30.0
-    decision = policy.decide(observation, greedy=True, rng=rng, waypoint_bias=bias)
-    assert decision.waypoint == waypoints[-1]
-    assert decision.waypoint_probabilities.sum() == pytest.approx(1.0, abs=1e-5)
-
-
 def test_vanilla_reports_the_nearest_beacon() -> None:
     observation = random_observation(np.random.default_rng(7), 40)
     policy = Policy.from_config(NetworkConfig(width=16, heads=4, layers=1, variant="vanilla"))

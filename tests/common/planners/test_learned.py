@@ -9,7 +9,7 @@ from common.planners.learned import LearnedPlanner
 from common.planners.registry import make_planner
 from common.policy_file import PolicyCard, write_policy
 from common.shipped import shipped_policy, shipped_tasks
-from tests.common.planners.rollout import drawn, explore
+from tests.common.planners.rollout import drawn, explore, navigate
 
 CONFIG = MappingConfig(resolution=0.5)
 NETWORK = NetworkConfig(width=16, heads=2, layers=1)
@@ -39,7 +39,7 @@ def test_a_policy_explores_under_the_rules_of_the_protocol(policy):
     assert bare.rule_applied == 0
 
 
-def test_the_revisit_rule_ends_loops_and_is_named_and_counted(policy):
+def test_the_rule_against_cycles_ends_them_and_is_named_and_counted(policy):
     plain = explore(make_planner("hdplanner-bare", CONFIG, policy=policy), WORLD, CONFIG, max_steps=60, rays=360)
     planner = make_planner("hdplanner", CONFIG, policy=policy)
     ruled = explore(planner, WORLD, CONFIG, max_steps=60, rays=360)
@@ -67,8 +67,6 @@ def test_one_room_is_complete(policy):
 def test_what_is_missing_is_said(policy, tmp_path):
     with pytest.raises(CheckpointError, match="cannot read"):
         make_planner("hdplanner", CONFIG, policy=tmp_path / "none.safetensors")
-    with pytest.raises(ConfigError, match="revisit_penalty"):
-        LearnedPlanner(CONFIG, policy=policy, revisit_penalty=-1.0)
     with pytest.raises(ConfigError, match="not navigation"):
         LearnedPlanner(CONFIG, policy=policy).reset("navigation", (1.0, 1.0), 0)
 
@@ -100,3 +98,18 @@ def test_a_policy_brings_the_utilities_that_it_was_trained_with(tmp_path):
     assert (mapping.utility_range, mapping.min_utility, mapping.least_utility) == (8.0, 4, 1)
     assert (mapping.resolution, mapping.sensor_range, mapping.beacon_range) == (0.5, 10.0, 10.0)
     assert mapping_for(make_planner("greedy", given), "exploration", given) is given
+
+
+def test_the_rule_against_cycles_leads_an_untrained_navigator_to_its_target(tmp_path):
+    """Random weights wander; every detour of the rule is one step of a classical search, which arrives."""
+    world = drawn(
+        ["###########", "#S..#.....#", "#...#.##..#", "#...#.#T..#", "#.....##..#", "#.........#", "###########"]
+    )
+    card = PolicyCard("test", "navigation", NETWORK, CONFIG, 1, 0, 0, False, "abc", "now")
+    path = tmp_path / "policy.safetensors"
+    write_policy(path, initial_parameters(NETWORK, 3), card)
+    bare = navigate(make_planner("hdplanner-bare", CONFIG, policy=path), world, CONFIG, max_steps=60, rays=360)
+    planner = make_planner("hdplanner", CONFIG, policy=path)
+    ruled = navigate(planner, world, CONFIG, max_steps=60, rays=360)
+    assert ruled.complete
+    assert bare.complete or planner.rule_applied > 0

@@ -1,0 +1,42 @@
+"""Where a robot has been since it last learnt something: what planners need to notice that they go in circles."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Final
+
+from common.mapping.mapper import Mapper
+from common.planners.base import Position
+
+# New area that counts as news, square metres: less is what scans graze in passing, and noisy ranges make single cells
+# known at almost every step.
+NEWS_AREA: Final = 0.5
+
+
+class PlacesSinceNews:
+    """The viewpoints at which a planner has decided since the belief last grew by `NEWS_AREA`."""
+
+    def __init__(self) -> None:
+        self._area = -inf
+        self._places: set[Position] = set()
+
+    def __contains__(self, position: Position) -> bool:
+        return _rounded(position) in self._places
+
+    def add(self, position: Position) -> None:
+        """Note a viewpoint at which the planner decides."""
+        self._places.add(_rounded(position))
+
+    def forget_on_news(self, mapper: Mapper) -> bool:
+        """Forget all viewpoints when the belief has grown enough since the last news; return whether it has."""
+        area = mapper.belief.known_cells * mapper.belief.resolution**2
+        news = area >= self._area + NEWS_AREA
+        if news:
+            self._area = area
+            self._places.clear()
+        return news
+
+
+def _rounded(position: Position) -> Position:
+    """Return a viewpoint's position without the last digits, which may differ between updates."""
+    return round(position[0], 3), round(position[1], 3)
