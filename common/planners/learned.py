@@ -168,7 +168,9 @@ class LearnedPlanner:
         return Plan(Status.GOING, waypoint=legs[0], beacon=beacon, path=legs[1:])
 
     def _find_way_out(self, mapper: Mapper, pose: Pose, observation: Observation) -> Position | None:
-        """Return the goal of a detour, None without a useful viewpoint that was not scanned from."""
+        """Return the goal of a detour: a known target, or a useful viewpoint that was not scanned from, or None."""
+        if mapper.target_known:
+            return mapper.target
         positions = mapper.viewpoints
         distances = mapper.distances(mapper.robot)
         useful = (observation.utility > 0) & ~self._scanned.mask(positions)
@@ -184,8 +186,10 @@ class LearnedPlanner:
         """Return the next leg of a detour, None without one or at its end."""
         if self._way_out is None:
             return None
-        positions = mapper.viewpoints
-        goal = int(np.argmin(np.hypot(*(positions - np.array(self._way_out)).T)))
+        if mapper.target_known and self._way_out == mapper.target:
+            goal = len(mapper.viewpoints)
+        else:
+            goal = int(np.argmin(np.hypot(*(mapper.viewpoints - np.array(self._way_out)).T)))
         if goal == mapper.robot or not len(mapper.path(mapper.robot, goal)):
             self._way_out = None
             return None
