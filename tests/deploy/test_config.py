@@ -37,8 +37,8 @@ def test_every_profile_is_valid_and_reads_back(name, tmp_path):
 
 
 def test_setting_one_parameter_of_the_map_leaves_the_others():
-    config = load_deploy_config(overrides=["mapping.sensor_range=6"])
-    assert (config.mapping.resolution, config.mapping.viewpoint_spacing) == (0.2, 1.0)
+    config = load_deploy_config(overrides=["mapping.sensor_range=6"])  # the profile `bare`
+    assert (config.mapping.resolution, config.mapping.viewpoint_spacing) == (0.1, 1.0)
 
 
 def test_later_sources_win_over_earlier_ones(tmp_path):
