@@ -75,7 +75,9 @@ def notes(found: Sequence[Results], baseline: str | None) -> list[str]:
             f"Ratios and differences are paired by map with {baseline}; interval: bootstrap over maps, 9,999 resamples."
         )
     if any(results.planner == "hdplanner" for results in found):
-        lines.append("hdplanner: with the rule that ends cycles by a detour to a useful viewpoint; hdplanner-bare: without.")
+        lines.append(
+            "hdplanner: with the rule that ends cycles by a detour to a useful viewpoint; hdplanner-bare: without."
+        )
     commits = list(dict.fromkeys(results.commit for results in found))
     lines.append(f"Commit {'; '.join(commits)}; seed {', '.join(sorted({str(results.seed) for results in found}))}.")
     return lines
