@@ -62,7 +62,9 @@ def bridge(
     profile: Profile = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
-    planner: Annotated[str | None, typer.Option("--planner", help="Planner, see `hd-eval planners`.")] = None,
+    planner: Annotated[
+        str | None, typer.Option("--planner", help="Planner, see `hd-eval planners`. [default: hdplanner]")
+    ] = None,
     policy: Annotated[
         Path | None, typer.Option("--policy", help="A trained policy (.safetensors or .onnx); means hdplanner.")
     ] = None,
@@ -97,8 +99,6 @@ def bridge(
         extra.append(f"decision.planner={planner or 'hdplanner'}")
     if goal is not None:
         extra += ["decision.task=navigation", f"decision.goal={goal}"]
-        if planner is None and policy is None and not _names(overrides, "decision.planner"):
-            extra.append("decision.planner=astar")
     if autostart:
         extra.append("decision.autostart=true")
     if listen:
@@ -225,10 +225,6 @@ def _load(
     if name is not None:
         every.append(f"name={name}")
     return load_deploy_config(file, every, os.environ, profile)
-
-
-def _names(overrides: Sequence[str] | None, path: str) -> bool:
-    return any(text.partition("=")[0].strip() == path for text in overrides or ())
 
 
 def _needed(config: DeployConfig) -> list[str]:

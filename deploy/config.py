@@ -88,8 +88,8 @@ class DecisionConfig(Section):
 
     task: Literal["exploration", "navigation"] = "exploration"
     """What the robot must do."""
-    planner: str = "greedy"
-    """Name of the planner (`hd-eval planners`); `hdplanner` for a trained policy."""
+    planner: str = "hdplanner"
+    """Name of the planner (`hd-eval planners`); `hdplanner` is a trained policy."""
     policy: str | None = None
     """Weights of `hdplanner`: a .safetensors file with its card, or an .onnx file, as `hd-learner export` writes them;
     the shipped ones when not given."""

@@ -120,9 +120,7 @@ def robot(
 @command_errors
 def demo(
     task: Annotated[str, typer.Option(help="exploration or navigation.")] = "exploration",
-    planner: Annotated[
-        str | None, typer.Option(help="Planner. [default: the shipped policy, else greedy or astar]")
-    ] = None,
+    planner: Annotated[str, typer.Option(help="Planner; hdplanner is the shipped policy.")] = "hdplanner",
     world: Annotated[
         str, typer.Option("--map", help="PNG map, folder of maps, or generator:NAME[?key=value&...].")
     ] = DEFAULTS.map,
@@ -142,7 +140,7 @@ def demo(
     console = Console(stderr=True)
     setup_logging(log_level, console=console if console.is_terminal else None)
     with _extras("demo"):
-        from deploy.robot.demo import default_planner, run_demo
+        from deploy.robot.demo import run_demo
         from deploy.robot.process import stopping_signals
         from deploy.robot.trial import Trial
 
@@ -153,7 +151,7 @@ def demo(
     trial = Trial(
         name,
         options=options,
-        planner=planner or default_planner(name),
+        planner=planner,
         profile=profile,
         folder=folder,
         settings=settings or (),

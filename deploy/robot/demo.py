@@ -12,8 +12,6 @@ from rich.console import Console
 from rich.live import Live
 
 from actors.evaluation.video import write_frames
-from common.planners.base import TaskName
-from common.shipped import shipped_tasks
 from deploy.robot.film import Shot, frames
 from deploy.robot.terminal import live_view
 from deploy.robot.trial import Trial, Verdict
@@ -21,7 +19,6 @@ from deploy.robot.trial import Trial, Verdict
 log = logging.getLogger(__name__)
 
 _PLAIN_SECONDS = 10.0
-_DEFAULT_PLANNERS: dict[TaskName, str] = {"exploration": "greedy", "navigation": "astar"}
 
 
 def run_demo(
@@ -62,11 +59,6 @@ def run_demo(
                 log.info("%d pictures are in %s", count, path)
     (folder / "verdict.json").write_text(json.dumps(verdict.to_json(), indent=2) + "\n", "utf-8")
     return verdict
-
-
-def default_planner(task: TaskName) -> str:
-    """Return the trained policy where one is shipped for the task, else a classical planner."""
-    return "hdplanner" if task in shipped_tasks() else _DEFAULT_PLANNERS[task]
 
 
 def _lines(trial: Trial, truth: dict[str, Any], status: dict[str, Any]) -> dict[str, Any]:

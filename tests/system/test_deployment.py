@@ -10,7 +10,6 @@ import pytest
 pytest.importorskip("pybullet", reason="PyBullet is not installed")
 
 from deploy.profiles import load_deploy_config
-from deploy.robot.demo import default_planner
 from deploy.robot.deployment import Deployment
 from deploy.robot.options import RobotOptions
 from deploy.robot.trial import Trial
@@ -22,11 +21,11 @@ OFFICE = "generator:office?width=192&height=192"
 VARIANTS = [("bare", "rmw_zenoh"), ("bare", "ros2dds"), ("cmu", "rmw_zenoh"), ("nav2", "rmw_zenoh")]
 
 
-def run(tmp_path, task, world, profile, layout, seed, limit, planner=None, **options):
+def run(tmp_path, task, world, profile, layout, seed, limit, planner="hdplanner", **options):
     trial = Trial(
         task,
         options=RobotOptions(map=world, seed=seed, range_noise=0.02, **options),
-        planner=planner or default_planner(task),
+        planner=planner,
         profile=profile,
         folder=tmp_path,
         settings=[f"ros.layout={layout}"],

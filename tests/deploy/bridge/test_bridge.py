@@ -61,7 +61,7 @@ def test_it_explores_and_tells_everything_about_it(robot):
     assert ask(robot, "start")["lifecycle"] in {"inactive", "active"}
     assert eventually(lambda: len(set(robot.waypoints)) >= 3, 30)
     status = robot.status
-    assert (status["state"], status["lifecycle"], status["planner"]) == ("running", "active", "greedy")
+    assert (status["state"], status["lifecycle"], status["planner"]) == ("running", "active", "hdplanner")
     assert status["explored_area"] > 20.0
     assert status["viewpoints"] > 3
     assert status["decision_seconds"] > 0.0

@@ -26,7 +26,7 @@ def weights(config, version, seed=0):
 
 
 def follow(bus):
-    return settings(decision={"live_run": "office", "live_connect": [bus.listen]})
+    return settings(decision={"planner": "greedy", "live_run": "office", "live_connect": [bus.listen]})
 
 
 def test_weights_are_taken_over_between_decisions_and_the_robot_never_waits_for_them():
