@@ -55,6 +55,8 @@ class Generator(BaseModel, ABC):
     """Height of the image, pixels; a multiple of 16."""
     seed: Annotated[int, Field(ge=0, lt=2**62)] = 0
     """World i is drawn from seed + i."""
+    start_offset: Annotated[int, Field(ge=0, le=BLOCK // 2)] = 0
+    """The robot starts up to this many pixels beside a viewpoint of the lattice, along an axis or a diagonal."""
 
     @model_validator(mode="after")
     def _whole_blocks(self) -> Self:
@@ -88,4 +90,26 @@ class Generator(BaseModel, ABC):
         """
         seed = self.seed + index
         plan = self.plan(np.random.Generator(np.random.PCG64(seed)))
-        return build_map(f"{self.label}-{seed}", plan.free, metres_per_pixel, plan.start, plan.target)
+        start = self._start_beside(plan, seed) if self.start_offset else plan.start
+        return build_map(f"{self.label}-{seed}", plan.free, metres_per_pixel, start, plan.target)
+
+    def _start_beside(self, plan: Plan, seed: int) -> tuple[int, int]:
+        """Move the start as far as free space lets it, in the direction where it gets farthest; the seed decides ties.
+
+        Chance of its own, so that the same seed gives the same place with and without an offset.
+        """
+        directions = np.array([(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j])
+        np.random.Generator(np.random.PCG64([seed, 1])).shuffle(directions)
+        ways = [_free_steps(plan.free, plan.start, (int(i), int(j)), self.start_offset) for i, j in directions]
+        steps = max(ways)
+        i, j = directions[ways.index(steps)]
+        return plan.start[0] + steps * int(i), plan.start[1] + steps * int(j)
+
+
+def _free_steps(free: NDArray[np.bool_], start: tuple[int, int], direction: tuple[int, int], longest: int) -> int:
+    """Count the steps from corner to corner of pixels until one of the four pixels around a corner is not free."""
+    for step in range(1, longest + 1):
+        x, y = start[0] + step * direction[0], start[1] + step * direction[1]
+        if not free[y - 1 : y + 1, x - 1 : x + 1].all():
+            return step - 1
+    return longest

@@ -196,3 +196,15 @@ def test_the_hall_is_130_by_100_metres() -> None:
 def test_bad_parameters_are_named(name: str, parameters: dict[str, str], message: str) -> None:
     with pytest.raises(MapError, match=message):
         make_generator(name, parameters)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_start_can_lie_beside_the_lattice_in_the_same_place(name):
+    beside = make_generator(name, SMALL | {"start_offset": "6"})
+    for index in range(5):
+        plain, moved = make_generator(name, SMALL).world(index), beside.world(index)
+        assert np.array_equal(plain.free, moved.free) and plain.target == moved.target
+        dx, dy = (round(4 * (b - a)) for a, b in zip(plain.start, moved.start, strict=True))
+        assert max(abs(dx), abs(dy)) == 6
+        assert sees(moved, np.array(plain.start) * 4, np.array(moved.start) * 4)
+        assert moved.start == beside.world(index).start
