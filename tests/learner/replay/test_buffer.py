@@ -124,6 +124,32 @@ def test_labels_come_back_with_their_observation_in_mixed_batches():
     assert at == len(batch.labels.cost)
 
 
+@pytest.mark.parametrize("steps", [1, 3])
+def test_labelled_transitions_bring_the_labels_of_the_observation_that_they_lead_to(steps):
+    rng = np.random.default_rng(4)
+    replay = Replay(capacity=1000, max_bytes=4_000_000)
+    chunk = episode_chunks(rng, POOL, 10, 10, End.TERMINAL, labelled=True, episode=1)[0]
+    replay.add(deliver([chunk])[0])
+    replay.add(deliver(episode_chunks(rng, POOL, 10, 10, End.TERMINAL, episode=2), actor="b")[0])
+    one = replay.sample(300, np.random.default_rng(6), labelled=True)
+    batch = replay.sample(300, np.random.default_rng(6), labelled=True, steps=steps, gamma=1.0)
+    assert batch.labelled.all() and set(one.rewards // 1000) == {1.0}
+    assert batch.next_labels is not None
+    widths = [len(chunk.observations[i].waypoint_nodes()) for i in range(10)]
+    costs = np.split(chunk.labels.cost, np.cumsum(widths)[:-1])
+    at = 0
+    for i in range(len(batch)):
+        step = int(one.rewards[i]) % 1000 + steps
+        width = len(batch.next_observations[i].waypoint_nodes())
+        found = batch.next_labels.cost[at : at + width]
+        # The observation after the last step has no action, so no label either; nothing is bootstrapped from it.
+        assert batch.next_labelled[i] == (step < 10)
+        assert batch.next_labelled[i] or batch.terminal[i]
+        assert np.array_equal(found, costs[step]) if step < 10 else not found.any()
+        at += width
+    assert at == len(batch.next_labels.cost)
+
+
 @settings(max_examples=12, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(100, 140), st.booleans())
 def test_the_oldest_leave_first_and_limits_hold(seed, capacity, reorder):
