@@ -30,7 +30,7 @@ NAME = "omniscient"
 # What a scan shows depends a little on the heading, so tours are also made that leave fewer cells unseen than allowed.
 MARGINS = (0, 10, 40, 125)
 ITERATIONS = 30_000
-TRIES = 2
+TRIES = 3
 GREEDY_STARTS = 12
 HOTTEST, COLDEST = 8.0, 0.3
 NEAR_NODES = 16

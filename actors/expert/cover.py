@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from actors.expert.tour import GAIN, improve_tour, insert_cheapest, tour_length
+from actors.expert.sighting import count_seen, count_unseen, recount, seen_by_one
+from actors.expert.tour import GAIN, improve_tour, insert_cheapest
 from actors.expert.visibility import popcount
 from common.jit import njit
 
@@ -27,22 +28,8 @@ def count_gains(
     gains = np.zeros(n, dtype=np.int64)
     for v in range(n):
         if allowed[v]:
-            gains[v] = _gain(pointer, tile, mask, missing, v)
+            gains[v] = count_seen(pointer, tile, mask, missing, v)
     return gains
-
-
-@njit(cache=True, nogil=True)
-def _gain(
-    pointer: NDArray[np.int64],
-    tile: NDArray[np.int32],
-    mask: NDArray[np.uint64],
-    missing: NDArray[np.uint64],
-    v: int,
-) -> int:
-    total = 0
-    for k in range(pointer[v], pointer[v + 1]):
-        total += popcount(mask[k] & missing[tile[k]])
-    return total
 
 
 @njit(cache=True, nogil=True)
@@ -81,7 +68,7 @@ def greedy_cover(
                     best, best_value = v, value
             if best < 0:
                 return chosen[:size].copy()
-            fresh = _gain(pointer, tile, mask, missing, best)
+            fresh = count_seen(pointer, tile, mask, missing, best)
             if fresh == gains[best]:
                 break
             gains[best] = fresh
@@ -92,74 +79,6 @@ def greedy_cover(
         chosen[size] = best
         size += 1
     return chosen[:size].copy()
-
-
-@njit(cache=True, nogil=True)
-def _unique(
-    pointer: NDArray[np.int64],
-    tile: NDArray[np.int32],
-    mask: NDArray[np.uint64],
-    missing: NDArray[np.uint64],
-    once: NDArray[np.uint64],
-    twice: NDArray[np.uint64],
-    v: int,
-    need: NDArray[np.uint64],
-) -> int:
-    """Write the missing cells that v alone of the tour sees into ``need`` (dense); return their number."""
-    total = 0
-    for k in range(pointer[v], pointer[v + 1]):
-        t = tile[k]
-        word = mask[k] & missing[t] & once[t] & ~twice[t]
-        need[t] = word
-        total += popcount(word)
-    return total
-
-
-@njit(cache=True, nogil=True)
-def _recount(
-    pointer: NDArray[np.int64],
-    tile: NDArray[np.int32],
-    mask: NDArray[np.uint64],
-    stops: NDArray[np.int64],
-    size: int,
-    once: NDArray[np.uint64],
-    twice: NDArray[np.uint64],
-) -> None:
-    """Write which cells the stops see at least once, and at least twice."""
-    once[:] = np.uint64(0)
-    twice[:] = np.uint64(0)
-    for s in range(size):
-        for k in range(pointer[stops[s]], pointer[stops[s] + 1]):
-            t = tile[k]
-            twice[t] |= once[t] & mask[k]
-            once[t] |= mask[k]
-
-
-@njit(cache=True, nogil=True)
-def _recount_kept(
-    pointer: NDArray[np.int64],
-    tile: NDArray[np.int32],
-    mask: NDArray[np.uint64],
-    stops: NDArray[np.int64],
-    dropped: NDArray[np.bool_],
-    seen: NDArray[np.uint64],
-    once: NDArray[np.uint64],
-) -> None:
-    """Write which cells the stops that were not dropped see, together with ``seen``."""
-    once[:] = seen
-    for s in range(len(stops)):
-        if not dropped[s]:
-            for k in range(pointer[stops[s]], pointer[stops[s] + 1]):
-                once[tile[k]] |= mask[k]
-
-
-@njit(cache=True, nogil=True)
-def _uncovered(missing: NDArray[np.uint64], once: NDArray[np.uint64]) -> int:
-    total = 0
-    for t in range(len(missing)):
-        if missing[t]:
-            total += popcount(missing[t] & ~once[t])
-    return total
 
 
 @njit(cache=True, nogil=True)
@@ -190,8 +109,8 @@ def improve_cover(
     need = np.zeros(len(missing), dtype=np.uint64)
     for _ in range(rounds):
         improve_tour(distances, start, tour[:size])
-        _recount(pointer, tile, mask, tour, size, once, twice)
-        slack = tolerance - _uncovered(missing, once)
+        recount(pointer, tile, mask, tour, size, once, twice)
+        slack = tolerance - count_unseen(missing, once)
         changed = False
         s = 0
         while s < size:
@@ -199,7 +118,7 @@ def improve_cover(
             before = start if s == 0 else tour[s - 1]
             after = tour[s + 1] if s + 1 < size else -1
             via = distances[before, stop] + (distances[stop, after] if after >= 0 else 0.0)
-            alone = _unique(pointer, tile, mask, missing, once, twice, stop, need)
+            alone = seen_by_one(pointer, tile, mask, missing, once, twice, stop, need)
             found = -1
             if alone <= slack or alone == 0:
                 found = -2
@@ -235,8 +154,8 @@ def improve_cover(
                 tour[s] = found
                 s += 1
             changed = True
-            _recount(pointer, tile, mask, tour, size, once, twice)
-            slack = tolerance - _uncovered(missing, once)
+            recount(pointer, tile, mask, tour, size, once, twice)
+            slack = tolerance - count_unseen(missing, once)
         if not changed:
             break
     improve_tour(distances, start, tour[:size])
@@ -275,112 +194,3 @@ def plan_cover(
     for k in range(len(chosen)):
         insert_cheapest(distances, start, stops, len(kept) + k, chosen[k])
     return improve_cover(pointer, tile, mask, missing, allowed, distances, start, stops, tolerance, rounds)
-
-
-@njit(cache=True, nogil=True)
-def price_choices(
-    pointer: NDArray[np.int64],
-    tile: NDArray[np.int32],
-    mask: NDArray[np.uint64],
-    missing: NDArray[np.uint64],
-    allowed: NDArray[np.bool_],
-    distances: NDArray[np.float32],
-    stops: NDArray[np.int64],
-    choices: NDArray[np.int64],
-    tolerance: int,
-    orders: NDArray[np.int64],
-    sizes: NDArray[np.int64],
-) -> NDArray[np.float64]:
-    """Length of the covering tour that remains from each choice, when the robot goes there first.
-
-    Stops whose own cells the choice itself sees are left out; the others keep their order as a beginning.
-
-    Args:
-        pointer: sparse visibility rows, see `Visibility`.
-        tile: likewise.
-        mask: likewise.
-        missing: tile words of the missing cells.
-        allowed: viewpoints that can show something new, shape (n,).
-        distances: metres between all viewpoints, shape (n, n).
-        stops: the covering tour from the robot, in order.
-        choices: viewpoint number of each choice, -1 for one that the true map does not have.
-        tolerance: cells that may stay unseen.
-        orders: shape (choices, stops); the order of stops from each choice is written here.
-        sizes: shape (choices,); the number of stops from each choice is written here.
-
-    Returns:
-        Metres, inf for a choice that is -1, float64, shape (choices,).
-    """
-    n = len(stops)
-    once = np.zeros(len(missing), dtype=np.uint64)
-    twice = np.zeros(len(missing), dtype=np.uint64)
-    need = np.zeros(len(missing), dtype=np.uint64)
-    _recount(pointer, tile, mask, stops, n, once, twice)
-    slack = max(tolerance - _uncovered(missing, once), 0)
-    # Tiles that a stop alone sees, and how much of them: the same for all choices.
-    begin = np.zeros(n + 1, dtype=np.int64)
-    entries = 0
-    for s in range(n):
-        entries += pointer[stops[s] + 1] - pointer[stops[s]]
-    need_tile = np.empty(entries, dtype=np.int32)
-    need_mask = np.empty(entries, dtype=np.uint64)
-    alone = np.zeros(n, dtype=np.int64)
-    size = 0
-    for s in range(n):
-        alone[s] = _unique(pointer, tile, mask, missing, once, twice, stops[s], need)
-        for k in range(pointer[stops[s]], pointer[stops[s] + 1]):
-            word = need[tile[k]]
-            if word:
-                need_tile[size] = tile[k]
-                need_mask[size] = word
-                size += 1
-                need[tile[k]] = np.uint64(0)
-        begin[s + 1] = size
-    seen = np.zeros(len(missing), dtype=np.uint64)
-    dropped = np.zeros(n, dtype=np.bool_)
-    lengths = np.full(len(choices), np.inf)
-    for c in range(len(choices)):
-        v = choices[c]
-        sizes[c] = 0
-        if v < 0:
-            continue
-        if allowed[v]:
-            for k in range(pointer[v], pointer[v + 1]):
-                seen[tile[k]] = mask[k]
-        spare = slack
-        drops = 0
-        for s in range(n):
-            lost = 0
-            for k in range(begin[s], begin[s + 1]):
-                lost += popcount(need_mask[k] & ~seen[need_tile[k]])
-            dropped[s] = stops[s] == v or (lost <= spare and lost < alone[s]) or alone[s] == 0
-            if dropped[s]:
-                spare -= lost
-                drops += 1
-        # Two stops may go only if what they saw together is seen from elsewhere; take stops back until it is.
-        while drops:
-            _recount_kept(pointer, tile, mask, stops, dropped, seen, once)
-            if _uncovered(missing, once) <= tolerance:
-                break
-            back = -1
-            for s in range(n):
-                if dropped[s] and stops[s] != v:
-                    back = s
-                    break
-            if back < 0:
-                break
-            dropped[back] = False
-            drops -= 1
-        if allowed[v]:
-            for k in range(pointer[v], pointer[v + 1]):
-                seen[tile[k]] = np.uint64(0)
-        count = 0
-        for s in range(n):
-            if not dropped[s]:
-                orders[c, count] = stops[s]
-                count += 1
-        sizes[c] = count
-        order = orders[c, :count]
-        improve_tour(distances, v, order)
-        lengths[c] = tour_length(distances, v, order)
-    return lengths

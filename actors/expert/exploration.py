@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from actors.expert import cover
 from actors.expert.base import UNREACHABLE, Judgement, leg_lengths
 from actors.expert.lattice import TrueLattice
+from actors.expert.prices import price_choices
 from actors.expert.tour import tour_length
 from actors.expert.visibility import Visibility, fill_words
 from actors.maps.grid_map import GridMap
@@ -78,7 +79,7 @@ class ExplorationExpert:
         orders = np.zeros((len(choices), len(stops)), dtype=np.int64)
         sizes = np.zeros(len(choices), dtype=np.int64)
         sight = self._sight
-        lengths = cover.price_choices(
+        lengths = price_choices(
             sight.pointer, sight.tile, sight.mask, self._missing, allowed, self._distances, stops, choices,
             self._tolerance, orders, sizes,
         )  # fmt: skip

@@ -16,9 +16,12 @@ from common.planners.base import Plan, Position, Status
 from common.planners.roadmap import Roadmap, trace
 from common.planners.rrt import Tree
 from common.planners.sampling import Corner, SamplingPlanner
+from common.planners.visibility import observed
 
 # Least distance between places of the global roadmap, spacings.
 GLOBAL_SPREAD: Final = 0.75
+# How often the global roadmap is extended over all known space before the exploration is declared complete.
+EXTENSIONS: Final = 5
 # Share of the samples that are drawn around the frontiers ahead, and how many of those there are.
 FRONTIER_SHARE: Final = 0.25
 FRONTIERS_AHEAD: Final = 3
@@ -101,6 +104,7 @@ class DsvpPlanner(SamplingPlanner):
         self._nodes = nodes
         self._decay = decay
         self._turning = turning
+        self._global_spread = GLOBAL_SPREAD * config.viewpoint_spacing
         super().__init__(config, min_gain)
 
     def begin(self) -> None:
@@ -166,7 +170,7 @@ class DsvpPlanner(SamplingPlanner):
         useful = np.flatnonzero(gains > 0.0)
         ways = {int(node): trace(before, int(node)) for node in useful}
         known = [0, *dict.fromkeys(k for way in ways.values() for k in way[1:])]
-        self._global.add_sparsely(mapper.belief, roadmap.points[known], GLOBAL_SPREAD * self.config.viewpoint_spacing)
+        self._global.add_ways(mapper.belief, roadmap.points, before, known, self._global_spread)
         best, most = -1, 0.0
         for node, way in ways.items():
             worth = float(gains[way].sum())
@@ -185,29 +189,50 @@ class DsvpPlanner(SamplingPlanner):
         belief = mapper.belief
         here = np.array(pose.position)
         self._global.recheck(belief)
-        for extended in (False, True):
-            if extended:
-                tree = Tree(pose.position)
-                tree.graft(self._global.points)
-                first = len(tree.points)
-                samples = self.samples(10 * self._samples, low, high)
-                capacity = first + 2 * self._nodes
-                tree.extend(belief, samples, capacity=capacity, step=self.reach, spread=self.spread)
-                self._global.add(belief, tree.points[first:])
-            roadmap = Roadmap(self.reach)
-            roadmap.points, roadmap.lengths = self._global.points, self._global.lengths
-            roadmap.add(belief, here[None])
-            robot = len(roadmap) - 1
+        roadmap = Roadmap(self.reach)
+        roadmap.points, roadmap.lengths = self._global.points, self._global.lengths
+        roadmap.add(belief, here[None])
+        robot = len(roadmap) - 1
+        for extension in range(EXTENSIONS + 1):
+            if extension:
+                self._extend(mapper, roadmap, low, high)
             distances, before = roadmap.shortest(robot)
             sees = (self.gains(mapper, roadmap.points) > 0.0) & np.isfinite(distances)
             if sees.any():
                 goal = int(np.argmin(np.where(sees, distances, np.inf)))
+                if extension:
+                    ways = [trace(before, int(node)) for node in np.flatnonzero(sees)]
+                    known = list(dict.fromkeys(k for way in ways for k in way))
+                    self._global.add_ways(belief, roadmap.points, before, known, self._global_spread)
                 route = [(float(x), float(y)) for x, y in roadmap.points[trace(before, goal)[1:]]]
                 self._set_direction(here, route[0])
                 return Plan(Status.GOING, waypoint=route[0], beacon=route[-1], path=route[1:])
-        if len(self._global) < 2 and len(self._local) < 2:
+        if len(roadmap) < 2 and len(self._local) < 2:
             return Plan(Status.STUCK, reason="no free way leads out of the robot's place")
         return Plan(Status.COMPLETE, reason=f"no place of {len(roadmap)} sees {self.min_gain:g} m2 of unknown area")
+
+    def _extend(self, mapper: Mapper, roadmap: Roadmap, low: Corner, high: Corner) -> None:
+        """Extend a roadmap over all known space, with half of the samples around frontiers that it does not see."""
+        count = 10 * self._samples
+        samples = self.samples(count, low, high)
+        frontiers = mapper.frontiers
+        seen = observed(mapper.belief, roadmap.points, frontiers, self.config.sensor_range / 2).any(axis=0)
+        if not seen.all():
+            frontiers = frontiers[~seen]
+        if len(frontiers):
+            around = frontiers[self.random.integers(len(frontiers), size=count // 2)]
+            # Near and far alike: a door is found near the frontier that is seen through it.
+            away = self.random.random((count // 2, 1)) * self.config.sensor_range / 2
+            around = around + self.random.uniform(-1.0, 1.0, (count // 2, 2)) * away
+            samples[: count // 2] = np.clip(around, low, high)
+        self.random.shuffle(samples)
+        tree = Tree((float(roadmap.points[-1, 0]), float(roadmap.points[-1, 1])))
+        tree.graft(roadmap.points[:-1])
+        first = len(tree.points)
+        capacity = first + 2 * self._nodes
+        # Places on both sides of a door are near to each other.
+        tree.extend(mapper.belief, samples, capacity=capacity, step=self.reach, spread=self.spread / 2)
+        roadmap.add(mapper.belief, tree.points[first:])
 
     def _set_direction(self, here: NDArray[np.float64], to: Position) -> None:
         away = np.array(to) - here

@@ -39,17 +39,6 @@ def _join(
 
 
 @njit(cache=True, nogil=True)
-def _recheck(cells: NDArray[np.int8], width: int, points: NDArray[np.int64], lengths: NDArray[np.float64]) -> None:
-    """Take away the edges that are not in line of sight any more."""
-    for a in range(len(points)):
-        for b in range(a):
-            if lengths[a, b] < np.inf and (
-                blocker(cells, width, points[a, 0], points[a, 1], points[b, 0], points[b, 1]) != CLEAR
-            ):
-                lengths[a, b] = lengths[b, a] = np.inf
-
-
-@njit(cache=True, nogil=True)
 def _dijkstra(lengths: NDArray[np.float64], source: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return distances from a node and the node before each one, -1 for the source and where no way leads."""
     count = len(lengths)
@@ -101,20 +90,52 @@ class Roadmap:
         # A millionth of rounding must not cut off what is exactly in reach.
         _join(padded.reshape(-1), padded.shape[1], places, first, lengths, self._reach * (1.0 + 1e-6), scale)
 
-    def add_sparsely(self, belief: Belief, points: NDArray[np.float64], spread: float) -> None:
-        """Add places one after the other, but none nearer than `spread`, metres, to another."""
-        kept = list(self.points)
-        first = len(kept)
-        for point in points:
-            if not kept or np.hypot(*(np.array(kept) - point).T).min() >= spread:
-                kept.append(point)
-        if len(kept) > first:
-            self.add(belief, np.array(kept[first:]))
+    def add_ways(
+        self,
+        belief: Belief,
+        points: NDArray[np.float64],
+        before: NDArray[np.int64],
+        known: list[int],
+        spread: float,
+    ) -> None:
+        """Add places of ways sparsely, without tearing the ways apart.
+
+        A place is left out only for another one that is nearer than `spread`, sees it and is joined to what stands for
+        the place before it: a neighbour behind a wall is nearest to many a place, and leads nowhere.
+
+        Args:
+            belief: what the robot knows.
+            points: places of the roadmap that the ways are from, metres, shape (n, 2).
+            before: the place before each one on its way, -1 for a start.
+            known: the places to add, each after the one before it.
+            spread: metres, at most the longest edge.
+        """
+        low, high = points[known].min(axis=0) - self._reach, points[known].max(axis=0) + self._reach
+        near = self.points[((self.points >= low) & (self.points <= high)).all(axis=1)]
+        both = Roadmap(self._reach)
+        both.add(belief, np.vstack([near, points[known]]))
+        kept = np.arange(len(both)) < len(near)
+        own = {node: len(near) + k for k, node in enumerate(known)}
+        stands: dict[int, int] = {}
+        for node in known:
+            lengths = both.lengths[own[node]]
+            last = stands.get(int(before[node]))
+            close = np.flatnonzero(kept & (lengths < spread))
+            if last is not None:
+                close = close[np.isfinite(both.lengths[last, close])]
+            if len(close):
+                stands[node] = int(close[np.argmin(lengths[close])])
+                continue
+            if last is not None and np.isinf(lengths[last]):
+                kept[own[int(before[node])]] = True
+            kept[own[node]] = True
+            stands[node] = own[node]
+        self.add(belief, both.points[len(near) :][kept[len(near) :]])
 
     def recheck(self, belief: Belief) -> None:
-        """Take away the edges that are not known to be free any more."""
-        padded = belief.padded
-        _recheck(padded.reshape(-1), padded.shape[1], subcells(belief, self.points), self.lengths)
+        """Join all places anew: ways that are not known to be free any more go, those that have become so come."""
+        points, self.points, self.lengths = self.points, np.empty((0, 2)), np.empty((0, 0))
+        self.add(belief, points)
 
     def keep(self, nodes: NDArray[np.int64]) -> None:
         """Drop all places but these; they are numbered anew in this order."""

@@ -1,0 +1,120 @@
+"""What each next waypoint would cost: the covering tour that remains from there, made from the robot's own tour."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from actors.expert.sighting import count_unseen, recount, recount_kept, seen_by_one
+from actors.expert.tour import improve_tour, tour_length
+from actors.expert.visibility import popcount
+from common.jit import njit
+
+
+@njit(cache=True, nogil=True)
+def price_choices(
+    pointer: NDArray[np.int64],
+    tile: NDArray[np.int32],
+    mask: NDArray[np.uint64],
+    missing: NDArray[np.uint64],
+    allowed: NDArray[np.bool_],
+    distances: NDArray[np.float32],
+    stops: NDArray[np.int64],
+    choices: NDArray[np.int64],
+    tolerance: int,
+    orders: NDArray[np.int64],
+    sizes: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """Length of the covering tour that remains from each choice, when the robot goes there first.
+
+    Stops whose own cells the choice itself sees are left out; the others keep their order as a beginning.
+
+    Args:
+        pointer: sparse visibility rows, see `Visibility`.
+        tile: likewise.
+        mask: likewise.
+        missing: tile words of the missing cells.
+        allowed: viewpoints that can show something new, shape (n,).
+        distances: metres between all viewpoints, shape (n, n).
+        stops: the covering tour from the robot, in order.
+        choices: viewpoint number of each choice, -1 for one that the true map does not have.
+        tolerance: cells that may stay unseen.
+        orders: shape (choices, stops); the order of stops from each choice is written here.
+        sizes: shape (choices,); the number of stops from each choice is written here.
+
+    Returns:
+        Metres, inf for a choice that is -1, float64, shape (choices,).
+    """
+    n = len(stops)
+    once = np.zeros(len(missing), dtype=np.uint64)
+    twice = np.zeros(len(missing), dtype=np.uint64)
+    need = np.zeros(len(missing), dtype=np.uint64)
+    recount(pointer, tile, mask, stops, n, once, twice)
+    slack = max(tolerance - count_unseen(missing, once), 0)
+    # Tiles that a stop alone sees, and how much of them: the same for all choices.
+    begin = np.zeros(n + 1, dtype=np.int64)
+    entries = 0
+    for s in range(n):
+        entries += pointer[stops[s] + 1] - pointer[stops[s]]
+    need_tile = np.empty(entries, dtype=np.int32)
+    need_mask = np.empty(entries, dtype=np.uint64)
+    alone = np.zeros(n, dtype=np.int64)
+    size = 0
+    for s in range(n):
+        alone[s] = seen_by_one(pointer, tile, mask, missing, once, twice, stops[s], need)
+        for k in range(pointer[stops[s]], pointer[stops[s] + 1]):
+            word = need[tile[k]]
+            if word:
+                need_tile[size] = tile[k]
+                need_mask[size] = word
+                size += 1
+                need[tile[k]] = np.uint64(0)
+        begin[s + 1] = size
+    seen = np.zeros(len(missing), dtype=np.uint64)
+    dropped = np.zeros(n, dtype=np.bool_)
+    lengths = np.full(len(choices), np.inf)
+    for c in range(len(choices)):
+        v = choices[c]
+        sizes[c] = 0
+        if v < 0:
+            continue
+        if allowed[v]:
+            for k in range(pointer[v], pointer[v + 1]):
+                seen[tile[k]] = mask[k]
+        spare = slack
+        drops = 0
+        for s in range(n):
+            lost = 0
+            for k in range(begin[s], begin[s + 1]):
+                lost += popcount(need_mask[k] & ~seen[need_tile[k]])
+            dropped[s] = stops[s] == v or (lost <= spare and lost < alone[s]) or alone[s] == 0
+            if dropped[s]:
+                spare -= lost
+                drops += 1
+        # Two stops may go only if what they saw together is seen from elsewhere; take stops back until it is.
+        while drops:
+            recount_kept(pointer, tile, mask, stops, dropped, seen, once)
+            if count_unseen(missing, once) <= tolerance:
+                break
+            back = -1
+            for s in range(n):
+                if dropped[s] and stops[s] != v:
+                    back = s
+                    break
+            if back < 0:
+                break
+            dropped[back] = False
+            drops -= 1
+        if allowed[v]:
+            for k in range(pointer[v], pointer[v + 1]):
+                seen[tile[k]] = np.uint64(0)
+        count = 0
+        for s in range(n):
+            if not dropped[s]:
+                orders[c, count] = stops[s]
+                count += 1
+        sizes[c] = count
+        order = orders[c, :count]
+        improve_tour(distances, v, order)
+        lengths[c] = tour_length(distances, v, order)
+    return lengths
