@@ -47,23 +47,26 @@ def subspace_stops(seen: NDArray[np.bool_], places: NDArray[np.float64], side: f
     """Choose one viewpoint for each subspace that has something left to explore.
 
     Subspaces are the squares of a fixed grid. They are taken in the order of what they add, so that frontiers which
-    two subspaces see count once; a subspace is represented by its viewpoint that sees most.
+    two subspaces see count once; a subspace is represented by its viewpoint that sees most. Viewpoints that see less
+    than `min_gain` do not count together either: on the spot none of them would be chosen (see `sample_cover`), so a
+    subspace that only their sum made worth a visit would draw the robot near and vanish there, again and again.
 
     Args:
         seen: which viewpoint sees which point, bool, shape (viewpoints, points).
         places: of the viewpoints, metres, shape (viewpoints, 2).
         side: of a subspace, metres.
-        min_gain: points that a subspace must add.
+        min_gain: points that a subspace must add, and that its viewpoint must see.
 
     Returns:
         Rows of `seen`.
     """
+    counts = seen.sum(axis=1)
     members: dict[tuple[int, int], list[int]] = {}
     for row, (x, y) in enumerate(np.floor(places / side).astype(np.int64).tolist()):
-        members.setdefault((x, y), []).append(row)
+        if counts[row] >= min_gain:
+            members.setdefault((x, y), []).append(row)
     groups = list(members.values())
     if not groups:
         return []
     together = np.array([seen[group].any(axis=0) for group in groups])
-    counts = seen.sum(axis=1)
     return [groups[k][int(np.argmax(counts[groups[k]]))] for k in sample_cover(together, None, min_gain=min_gain)]

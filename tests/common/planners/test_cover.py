@@ -34,3 +34,11 @@ def test_subspaces_are_represented_by_what_sees_most() -> None:
     assert subspace_stops(seen, places, 10.0, 1) == [1, 2]
     assert subspace_stops(seen, places, 10.0, 3) == []
     assert subspace_stops(np.zeros((0, 4), dtype=np.bool_), np.empty((0, 2)), 10.0, 1) == []
+
+
+def test_small_gains_do_not_add_up_to_a_subspace() -> None:
+    # On the spot no viewpoint of the first subspace would be chosen, so it must not be worth the way there.
+    seen = np.array([[1, 1, 0, 0, 0, 0, 0], [0, 0, 1, 1, 0, 0, 0], [0, 0, 0, 0, 1, 1, 1]], dtype=np.bool_)
+    places = np.array([[1.0, 1.0], [2.0, 2.0], [25.0, 1.0]])
+    assert subspace_stops(seen, places, 10.0, 3) == [2]
+    assert subspace_stops(seen, places, 10.0, 2) == [0, 2]
