@@ -38,8 +38,11 @@ class TarePlanner(LatticePlanner):
     - The tour ends anywhere. The publication returns home, which the protocol of this project does not ask for.
     - What has to be covered are frontier cells, not surface points: the world is planar and a wall is seen with the
       floor before it.
-    - A viewpoint or a subspace that would add less than `min_frontier` waits until nothing larger is left: the
-      released code of the publication has such a threshold too, for surface points.
+    - A viewpoint or a subspace that would add less than `min_frontier` waits while the tour through the larger ones
+      begins nearby, less than `patience` away: passing by often shows it. Before a longer way, everything from
+      `min_doorway` on counts, or a large building would be left full of rooms behind doors and driven through twice.
+      What is smaller still waits until nothing else is left. The released code of the publication has such a
+      threshold too, one for all distances, for surface points.
     - A way between subspaces is a shortest path over the viewpoint graph, which takes the place of the keypose graph.
     - A robot that comes back to a viewpoint and has seen nothing new since keeps its tour until it does, see
       `HeldTour`: tours of equal length, solved anew at each viewpoint, made it go back and forth for ever. The released
@@ -60,6 +63,8 @@ class TarePlanner(LatticePlanner):
         samples: int = 4,
         choices: int = 3,
         min_frontier: float = 5.0,
+        min_doorway: float = 2.0,
+        patience: float = 40.0,
     ) -> None:
         """Set up.
 
@@ -71,7 +76,9 @@ class TarePlanner(LatticePlanner):
                 frontier at the very end of the range would tell nothing new from there.
             samples: sets of viewpoints that are sampled for each decision; the shortest tour wins.
             choices: each viewpoint of a set is one of so many best.
-            min_frontier: metres of frontier that a viewpoint or a subspace must add, until nothing else is left.
+            min_frontier: metres of frontier that a viewpoint or a subspace must add while such a one is nearby.
+            min_doorway: metres of frontier that it must add otherwise, until nothing else is left.
+            patience: metres of way to the first stop of a tour up to which `min_frontier` holds.
 
         Raises:
             ConfigError: a setting is out of range, or OR-Tools is not installed.
@@ -82,7 +89,15 @@ class TarePlanner(LatticePlanner):
         self._samples = samples
         self._choices = choices
         self._least = max(round(min_frontier / config.resolution), 1)
-        lengths = {"subspace": subspace, "cover_range": self._cover_range, "min_frontier": min_frontier}
+        self._doorway = max(round(min_doorway / config.resolution), 1)
+        self._patience = patience
+        lengths = {
+            "subspace": subspace,
+            "cover_range": self._cover_range,
+            "min_frontier": min_frontier,
+            "min_doorway": min_doorway,
+            "patience": patience,
+        }
         for setting, value in lengths.items():
             if not value > 0.0:
                 raise ConfigError(f"planner 'tare': {setting} must be above 0 m, got {value}")
@@ -105,13 +120,19 @@ class TarePlanner(LatticePlanner):
         return self._held.stops(mapper, candidates, positions, lambda: self._plan(mapper, candidates, positions))
 
     def _plan(self, mapper: Mapper, candidates: NDArray[np.int64], positions: NDArray[np.float64]) -> list[int]:
-        """Return the stops of a new tour; small remainders count only when nothing larger is left."""
+        """Return the stops of a new tour; what adds little counts only when nothing larger is near, or left at all."""
         frontiers = mapper.frontiers
         reach = self.config.observable_range
-        for least, cover_range in ((self._least, self._cover_range), (1, self._cover_range), (1, reach)):
+        away = mapper.distances(mapper.robot)
+        for least, cover_range, patience in (
+            (self._least, self._cover_range, self._patience),
+            (self._doorway, self._cover_range, np.inf),
+            (1, self._cover_range, np.inf),
+            (1, reach, np.inf),
+        ):
             seen = observed(mapper.belief, positions[candidates], frontiers, min(cover_range, reach))
             tour = self._tour(mapper, candidates, positions, seen, least)
-            if tour:
+            if tour and away[tour[0]] <= patience:
                 return tour
         return []
 
