@@ -57,14 +57,18 @@ class DsvpPlanner(SamplingPlanner):
     frontiers nearest to the direction of exploration; a place gains the unknown volume that it sees, falling with the
     length of the way; a branch gains the sum over its places, falling with its dynamic-time-warping distance from the
     direction of exploration; the best branch is followed, and sets the direction. The ways to all places with a gain
-    join a global graph. When nothing in the horizon gains, the robot relocates: over the global graph to the nearest
-    place that still sees the unknown; when no place does, the graph is extended once over all known space before the
-    exploration is declared complete.
+    join a global graph, which stays connected. When nothing in the horizon gains, the robot relocates: over the global
+    graph to the nearest place that still sees the unknown; when no place does, the graph is extended over all known
+    space, and the exploration is declared complete when that finds nothing either.
 
     Otherwise: the volume is an area, because the world is planar (see `unknown_in_sight`); both factors are
     exponentials of lengths in metres, as in the publication's text, where its released code divides by them; a place
-    that was just scanned from in vain gains nothing (see `SamplingPlanner`); and the terrain analysis is left out,
-    because walls are all there is.
+    that was just scanned from in vain gains nothing (see `SamplingPlanner`); the goal of a relocation is a place with a
+    gain, where the publication takes one that has a global frontier in sight; and the last extension draws half of its
+    samples around frontiers that no place sees from near, because others seldom pass a door of 1 m.
+
+    Left out: the terrain analysis, because walls are all there is; and the robot's bounding box, by which places and
+    edges of the publication keep clear of obstacles: a robot with a size touches walls more often than on the lattice.
     """
 
     name = "dsvp"

@@ -33,7 +33,9 @@ class NbvpPlanner(SamplingPlanner):
     sensor sees all around; a ray enters the unknown only over a frontier (see `unknown_in_sight`), so that gaps between
     beams on a wall are no gain; nodes keep a little distance from each other, because equal places have equal views;
     a place that was just scanned from in vain gains nothing (see `SamplingPlanner`); lambda and the longest edge fit a
-    sensor of 20 m instead of 5 m. Left out: inspection of surfaces (a later variant).
+    sensor of 20 m instead of 5 m; and samples are limited, so that in a large known space, where most of them lie
+    behind walls, a tree may end with fewer than `most_nodes`. Left out: inspection of surfaces (a later variant). As in
+    the publication there is no global stage: where all around the robot is explored, it may end before the rest is.
     """
 
     name = "nbvp"

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from common.mapping.mapper import Mapper
 from common.planners.roadmap import Roadmap, trace
 from common.planners.rrt import Tree, free_box
-from tests.common.planners.worlds import ARMS, ROOMS, looked
+from tests.common.planners.rollout import drawn
+from tests.common.planners.worlds import ARMS, CONFIG, ROOMS, looked
 
 
 def _tree(capacity: int = 60) -> tuple[Tree, object]:
@@ -68,11 +70,26 @@ def test_roadmap_drops_places_and_keeps_apart() -> None:
     mapper, pose = looked(ARMS)
     x, y = pose.position
     roadmap = Roadmap(5.0)
-    roadmap.add_sparsely(mapper.belief, np.array([[x, y], [x + 0.5, y], [x + 3.0, y], [x + 3.2, y]]), 1.0)
+    way = np.array([[x, y], [x + 0.5, y], [x + 3.0, y], [x + 3.2, y]])
+    roadmap.add_ways(mapper.belief, way, np.arange(-1, 3), [0, 1, 2, 3], 1.0)
     assert roadmap.points.tolist() == [[x, y], [x + 3.0, y]]
     roadmap.keep(np.array([1]))
     assert roadmap.points.tolist() == [[x + 3.0, y]]
     assert roadmap.lengths.tolist() == [[0.0]]
+
+
+def test_roadmap_keeps_a_way_together_that_passes_places_behind_a_wall() -> None:
+    world = drawn(["#######", "#S....#", "#####.#", "#.....#", "#######"])
+    mapper, _ = looked(world, [(world.start[0] + dx, world.start[1] + dy) for dx, dy in [(0, 0), (16, 0), (16, -8)]])
+    x, y = world.start
+    # The way goes around the wall; the roadmap has the places before it, not far from those behind.
+    way = np.array([[x, y], [x + 8.0, y], [x + 16.0, y], [x + 16.0, y - 4.0], [x + 16.0, y - 8.0], [x + 8.0, y - 8.0]])
+    roadmap = Roadmap(9.0)
+    roadmap.add(mapper.belief, np.array([[x, y], [x + 8.0, y], [x + 14.5, y]]))
+    roadmap.add_ways(mapper.belief, way, np.arange(-1, 5), list(range(6)), 8.5)
+    assert np.isfinite(roadmap.shortest(0)[0]).all()
+    ends = np.hypot(*(roadmap.points - way[-1]).T)
+    assert any(mapper.segment_free((x + 8.0, y - 8.0), (px, py)) for px, py in roadmap.points[ends <= 8.5].tolist())
 
 
 def test_roadmap_notices_a_new_wall() -> None:
@@ -84,3 +101,14 @@ def test_roadmap_notices_a_new_wall() -> None:
     mapper.belief.assign(wall, (x + 2.0, y - 2.0))
     roadmap.recheck(mapper.belief)
     assert np.isinf(roadmap.lengths[0, 1])
+
+
+def test_roadmap_notices_a_new_opening() -> None:
+    mapper, pose = looked(ARMS)
+    x, y = pose.position
+    roadmap = Roadmap(5.0)
+    unknown = Mapper(CONFIG, lattice_origin=ARMS.lattice_origin, bounds=(x - 20.0, y - 20.0, x + 20.0, y + 20.0))
+    roadmap.add(unknown.belief, np.array([[x, y], [x + 4.0, y]]))
+    assert np.isinf(roadmap.lengths[0, 1])
+    roadmap.recheck(mapper.belief)
+    assert roadmap.lengths[0, 1] == pytest.approx(4.0)
