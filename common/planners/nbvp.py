@@ -15,8 +15,9 @@ from common.planners.lattice import LONGEST_EDGE, TOLERANCE
 from common.planners.rrt import Tree
 from common.planners.sampling import Corner, SamplingPlanner
 
-# Samples that are drawn at once.
+# Samples that are drawn at once, and batches in a row without a new node after which a tree counts as full grown.
 BATCH: Final = 500
+PATIENCE: Final = 10
 
 
 class NbvpPlanner(SamplingPlanner):
@@ -79,12 +80,15 @@ class NbvpPlanner(SamplingPlanner):
         """Go the first edge of the best branch."""
         tree = self._replant(mapper, pose)
         gains = np.zeros(1)
-        # A wall of unlucky samples must end, too.
-        for _ in range(2 * self._most_nodes // BATCH + 2):
-            capacity = self._nodes if len(tree.points) < self._nodes else self._most_nodes
+        # Where known space is large, most samples lie behind walls: only a tree that grows no more may end the search.
+        in_vain = 0
+        while in_vain < PATIENCE:
+            size = len(tree.points)
+            capacity = self._nodes if size < self._nodes else self._most_nodes
             samples = self.samples(BATCH, low, high)
             tree.extend(mapper.belief, samples, capacity=capacity, step=self.reach, spread=self.spread)
-            if len(tree.points) < capacity and capacity == self._nodes:
+            in_vain = in_vain + 1 if len(tree.points) == size else 0
+            if len(tree.points) < self._nodes:
                 continue
             gains = self._branch_gains(mapper, tree, gains)
             if gains.max() > 0.0 or len(tree.points) >= self._most_nodes:
