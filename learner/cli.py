@@ -198,18 +198,31 @@ def plot(
         list[str] | None,
         typer.Option("--line", help="Yardstick to draw across; may be repeated.", metavar="NAME=METRES"),
     ] = None,
+    over: Annotated[str, typer.Option("--over", help="minutes, or updates: these leave out pauses.")] = "minutes",
+    window: Annotated[int, typer.Option("--window", help="Episodes behind a point of training.", min=1)] = 50,
     runs: RunsFolder = RUNS,
 ) -> None:
     """Draw the learning curve of a run: distance and success over time. Works while the learner runs.
 
     Examples:
     - `hd-learner plot --run office --line greedy=261 --line expert=204 --out curve.png`
+
+    - `hd-learner plot --run office --over updates --window 200`
     """
     from learner.watch.plot import plot_run
 
+    if over not in ("minutes", "updates"):
+        raise ConfigError(f"--over: expected minutes or updates, got {over!r}")
+
     name = run or RunConfig().name
     path = out or Path(f"{name}.png")
-    curve = plot_run(runs / name, path, dict(map(_yardstick, line or [])))
+    curve = plot_run(
+        runs / name,
+        path,
+        dict(map(_yardstick, line or [])),
+        over="updates" if over == "updates" else "minutes",
+        window=window,
+    )
     newest = f", newest {curve.distance[-1]:.1f} m, {curve.success[-1]:.0%} complete" if len(curve.minutes) else ""
     typer.echo(f"{path}: {len(curve.minutes)} evaluations{newest}")
 

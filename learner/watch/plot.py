@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,11 @@ from numpy.typing import NDArray
 from common.errors import CheckpointError, ConfigError
 
 TRAINING_WINDOW = 50
+LEAST_WINDOW = 10
+"""Fewer episodes make no point of the training curve."""
+
+Over = Literal["minutes", "updates"]
+_OVER: dict[Over, str] = {"minutes": "minutes since the first episode", "updates": "updates"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,11 +41,11 @@ class Curve:
     number: NDArray[np.int64]
 
 
-def read_curves(episodes: Path) -> tuple[Curve, Curve]:
+def read_curves(episodes: Path, window: int = TRAINING_WINDOW) -> tuple[Curve, Curve]:
     """Return the curves of training and of evaluation.
 
-    Training is the mean of the last 50 episodes that the policy drove; evaluation has one point per complete round of
-    one version.
+    Training is the mean of the last ``window`` episodes that the policy drove; evaluation has one point per complete
+    round of one version.
 
     Raises:
         CheckpointError: the file is missing or has no episode.
@@ -53,8 +58,8 @@ def read_curves(episodes: Path) -> tuple[Curve, Curve]:
     began = float(rows[0]["time"])
     training = [row for row in rows if row["role"] == "train" and row["driver"] == "policy"]
     points = [
-        _point(training[max(0, i + 1 - TRAINING_WINDOW) : i + 1], began)
-        for i in range(min(9, len(training)), len(training))
+        _point(training[max(0, i + 1 - window) : i + 1], began)
+        for i in range(min(LEAST_WINDOW - 1, len(training)), len(training))
     ]
     rounds: dict[tuple[str, int], list[dict[str, Any]]] = defaultdict(list)
     for row in rows:
@@ -65,13 +70,17 @@ def read_curves(episodes: Path) -> tuple[Curve, Curve]:
     return _curve(points), _curve([_point(group, began) for group in whole])
 
 
-def plot_run(folder: Path, out: Path, lines: Mapping[str, float]) -> Curve:
-    """Draw distance and success over time, and return the curve of evaluation.
+def plot_run(
+    folder: Path, out: Path, lines: Mapping[str, float], *, over: Over = "minutes", window: int = TRAINING_WINDOW
+) -> Curve:
+    """Draw distance and success over time or updates, and return the curve of evaluation.
 
     Args:
         folder: of the run.
         out: picture to write; its ending decides the format.
         lines: yardsticks by name, metres, drawn across the picture of the distance.
+        over: what the curves run over; updates leave out the pauses of a run that was resumed.
+        window: episodes behind each point of training.
 
     Raises:
         CheckpointError: the run has no finished episode.
@@ -81,7 +90,7 @@ def plot_run(folder: Path, out: Path, lines: Mapping[str, float]) -> Curve:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise ConfigError("plots need matplotlib: pip install 'hdplanner[plots]'") from error
-    training, evaluation = read_curves(folder / "episodes.jsonl")
+    training, evaluation = read_curves(folder / "episodes.jsonl", window)
     figure = Figure(figsize=(8.0, 5.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
     for curve, style in (
@@ -89,8 +98,10 @@ def plot_run(folder: Path, out: Path, lines: Mapping[str, float]) -> Curve:
         (evaluation, {}),
     ):
         label = {"color": "#08519c", "marker": "o", "markersize": 3, "label": "validation worlds, greedy"} | style
-        above.plot(curve.minutes, curve.distance, **label)
-        below.plot(curve.minutes, 100.0 * curve.success, **label)
+        along = curve.minutes if over == "minutes" else curve.updates
+        if len(along):
+            above.plot(along, curve.distance, **label)
+            below.plot(along, 100.0 * curve.success, **label)
     for i, (name, metres) in enumerate(lines.items()):
         above.axhline(metres, color="#777777", linestyle=["--", ":", "-."][i % 3], linewidth=1.0)
         above.annotate(
@@ -100,8 +111,9 @@ def plot_run(folder: Path, out: Path, lines: Mapping[str, float]) -> Curve:
     above.set_ylim(bottom=0.0)
     below.set_ylabel("completed (%)")
     below.set_ylim(-3, 103)
-    below.set_xlabel("minutes since the first episode")
-    above.legend(loc="best", frameon=False)
+    below.set_xlabel(_OVER[over])
+    if len(training.minutes) or len(evaluation.minutes):
+        above.legend(loc="best", frameon=False)
     above.set_title(f"run {folder.name}")
     for axes in (above, below):
         axes.grid(alpha=0.3)

@@ -45,9 +45,19 @@ def test_the_command_writes_a_picture(runs, tmp_path):
     assert "1 evaluations, newest 80.0 m, 50% complete" in result.stdout
 
 
+def test_a_window_and_updates_can_be_chosen(runs, tmp_path):
+    training, _ = read_curves(runs / "office" / "episodes.jsonl", window=1)
+    assert training.distance[-1] == pytest.approx(141.0)
+    out = tmp_path / "curve.png"
+    words = ["plot", "--runs", str(runs), "--run", "office", "--out", str(out), "--over", "updates", "--window", "5"]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    assert out.is_file()
+
+
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
+        (["--run", "office", "--over", "steps"], "minutes or updates"),
         (["--run", "nothing"], "does not exist"),
         (["--run", "office", "--line", "greedy"], "NAME=METRES"),
         (["--run", "office", "--out", "curve.xyz"], "cannot write"),
