@@ -22,6 +22,8 @@ from common.planners.visibility import observed
 GLOBAL_SPREAD: Final = 0.75
 # How often the global roadmap is extended over all known space before the exploration is declared complete.
 EXTENSIONS: Final = 5
+# A robot this near to a place is where the place is, metres: robots do not stop more exactly.
+BESIDE: Final = 0.3
 # Share of the samples that are drawn around the frontiers ahead, and how many of those there are.
 FRONTIER_SHARE: Final = 0.25
 FRONTIERS_AHEAD: Final = 3
@@ -195,6 +197,9 @@ class DsvpPlanner(SamplingPlanner):
         self._global.recheck(belief)
         roadmap = Roadmap(self.reach)
         roadmap.points, roadmap.lengths = self._global.points, self._global.lengths
+        # A robot that stopped a little beside a place would be sent onto it again and again, where only from the place
+        # itself, not from the robot, the way on is free.
+        roadmap.keep(np.flatnonzero(np.hypot(*(roadmap.points - here).T) > BESIDE))
         roadmap.add(belief, here[None])
         robot = len(roadmap) - 1
         for extension in range(EXTENSIONS + 1):
