@@ -11,6 +11,7 @@ from common.config.schema import MappingConfig
 from common.errors import ConfigError
 from common.geometry import Pose
 from common.jit import njit
+from common.mapping.belief import Belief
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status
 from common.planners.roadmap import Roadmap, trace
@@ -194,14 +195,13 @@ class DsvpPlanner(SamplingPlanner):
         """Return the first edge towards the nearest place of the global roadmap that sees the unknown."""
         belief = mapper.belief
         here = np.array(pose.position)
+        robot = self._stand(belief, here)
         self._global.recheck(belief)
         roadmap = Roadmap(self.reach)
         roadmap.points, roadmap.lengths = self._global.points, self._global.lengths
-        # A robot that stopped a little beside a place would be sent onto it again and again, where only from the place
-        # itself, not from the robot, the way on is free.
-        roadmap.keep(np.flatnonzero(np.hypot(*(roadmap.points - here).T) > BESIDE))
-        roadmap.add(belief, here[None])
-        robot = len(roadmap) - 1
+        if robot is None:
+            roadmap.add(belief, here[None])
+            robot = len(roadmap) - 1
         for extension in range(EXTENSIONS + 1):
             if extension:
                 self._extend(mapper, roadmap, low, high)
@@ -219,6 +219,19 @@ class DsvpPlanner(SamplingPlanner):
         if len(roadmap) < 2 and len(self._local) < 2:
             return Plan(Status.STUCK, reason="no free way leads out of the robot's place")
         return Plan(Status.COMPLETE, reason=f"no place of {len(roadmap)} sees {self.min_gain:g} m2 of unknown area")
+
+    def _stand(self, belief: Belief, here: NDArray[np.float64]) -> int | None:
+        """Move a place that the robot stands beside to where it stands, and return its number; None without one.
+
+        Else a robot that cannot stop exactly at a place would be sent there for ever, or to and fro, when the way on is
+        free from the place but not from where the robot stopped.
+        """
+        beside = np.hypot(*(self._global.points - here).T) <= BESIDE
+        if not beside.any():
+            return None
+        self._global.keep(np.flatnonzero(~beside))
+        self._global.add(belief, here[None])
+        return len(self._global) - 1
 
     def _extend(self, mapper: Mapper, roadmap: Roadmap, low: Corner, high: Corner) -> None:
         """Extend a roadmap over all known space, with half of the samples around frontiers that it does not see."""
