@@ -282,7 +282,7 @@ class Mapper:
         Raises:
             MappingError: `from_node` is not a viewpoint of the last update.
         """
-        return self._shortest(from_node)[0]
+        return self.shortest_paths(from_node)[0]
 
     def path(self, from_node: int, to_node: int) -> list[int]:
         """Return the nodes of a shortest path, both ends included; empty when none leads there.
@@ -290,7 +290,7 @@ class Mapper:
         Raises:
             MappingError: `from_node` is not a viewpoint, or `to_node` not a node, of the last update.
         """
-        distances, before = self._shortest(from_node)
+        distances, before = self.shortest_paths(from_node)
         self._check_node(to_node, len(distances))
         if not np.isfinite(distances[to_node]):
             return []
@@ -299,7 +299,12 @@ class Mapper:
             nodes.append(int(before[nodes[-1]]))
         return nodes[::-1]
 
-    def _shortest(self, from_node: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    def shortest_paths(self, from_node: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Return `distances` and the node before each one on its shortest path, -1 without one, int32, shape (nodes,).
+
+        Raises:
+            MappingError: `from_node` is not a viewpoint of the last update.
+        """
         self._check_node(from_node, len(self._order))
         spacing = self._config.viewpoint_spacing
         distances, before = shortest_paths(

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.config.schema import MappingConfig
 from common.geometry import Pose
+from common.mapping.coarse_graph import coarse_graph
 from common.mapping.mapper import Mapper
 from common.observation import Observation
 from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.greedy import GreedyPlanner
+from common.planners.held_waypoint import HeldWaypoint
 from common.planners.lattice import ScannedViewpoints, check_task, first_legs, lead_to, nothing_left
 from common.planners.news import PlacesSinceNews
 from common.policy import Policy
@@ -24,6 +27,8 @@ from common.shipped import shipped_policy, shipped_tasks
 log = logging.getLogger(__name__)
 
 TASKS: tuple[TaskName, ...] = ("exploration", "navigation")
+# Viewpoints may be this many times wider or closer, in shares of the sensor's range, than those that a policy knows.
+SPACING_TOLERANCE: Final = 1.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +61,10 @@ class LearnedPlanner:
     or is done with its goal, so there is an end. The rule is no part of the paper, so its decisions are counted, and
     `hdplanner-bare` is the network without it.
 
+    The network reads steps of the lattice, not metres. Where viewpoints are closer together than in training, as a
+    share of the sensor's range, it decides on a graph of wider ones (`coarse_graph`), and the robot goes to the
+    waypoint over the viewpoints between before it decides again.
+
     Attributes:
         card: what the policy is and where it comes from; of shipped policies that of the last `reset`, None before.
         policy: the network; weights that it loads hold from the next decision on. Of shipped policies as `card`.
@@ -65,6 +74,8 @@ class LearnedPlanner:
 
     policy: Policy
     attention: Attention | None
+    _beacon: Position | None
+    _factor: int
 
     def __init__(
         self,
@@ -88,7 +99,7 @@ class LearnedPlanner:
         self._config = config
         self._end_cycles = end_cycles
         self._greedy = GreedyPlanner(config)
-        self._held: dict[str, tuple[Policy, PolicyCard]] = {}
+        self._read: dict[str, tuple[Policy, PolicyCard]] = {}
         self._shipped = policy is None
         self.card: PolicyCard | None = None
         if policy is not None:
@@ -146,26 +157,43 @@ class LearnedPlanner:
             return Plan(Status.STUCK, reason="the robot's viewpoint has no neighbour")
         if self._places.forget_on_news(mapper):
             self._way_out = None
+        held = self._held.node(mapper, pose)
+        if held is not None:
+            return self._lead_to(mapper, pose, held)
         self._places.add(mapper.position(mapper.robot))
         plan = self._follow_way_out(mapper, pose)
         if plan is not None:
             return plan
-        decision = self.policy.decide(observation, greedy=True, rng=self._random)
-        self.attention = Attention(
-            np.array([mapper.position(node) for node in waypoints.tolist()]),
-            decision.waypoint_probabilities,
-            mapper.beacons,
-            decision.beacon_probabilities,
-        )
-        waypoint, beacon = mapper.position(decision.waypoint), mapper.position(decision.beacon)
-        if self._end_cycles and waypoint in self._places:
+        waypoint = self._decide(mapper)
+        if self._end_cycles and mapper.position(waypoint) in self._places:
             self._way_out = self._find_way_out(mapper, pose, observation)
             plan = self._follow_way_out(mapper, pose)
             if plan is not None:
                 return plan
-        route = [mapper.position(mapper.robot), waypoint]
+        if self._factor > 1:
+            self._held.hold(mapper, waypoint)
+            return self._lead_to(mapper, pose, waypoint)
+        route = [mapper.position(mapper.robot), mapper.position(waypoint)]
         legs = first_legs(mapper, pose, route, self._config.viewpoint_spacing)
-        return Plan(Status.GOING, waypoint=legs[0], beacon=beacon, path=legs[1:])
+        return Plan(Status.GOING, waypoint=legs[0], beacon=self._beacon, path=legs[1:])
+
+    def _decide(self, mapper: Mapper) -> int:
+        """Return the node that the network chooses; it notes the beacon and the attention."""
+        graph = coarse_graph(mapper, self._factor)
+        observation, nodes = graph.observation, graph.nodes
+        decision = self.policy.decide(observation, greedy=True, rng=self._random)
+        self._beacon = mapper.position(int(nodes[decision.beacon]))
+        self.attention = Attention(
+            _positions(mapper, nodes[observation.waypoint_nodes()]),
+            decision.waypoint_probabilities,
+            _positions(mapper, nodes[observation.beacon_nodes()]),
+            decision.beacon_probabilities,
+        )
+        return int(nodes[decision.waypoint])
+
+    def _lead_to(self, mapper: Mapper, pose: Pose, waypoint: int) -> Plan:
+        """Return the next leg to a waypoint that may be several edges away."""
+        return replace(lead_to(mapper, pose, [waypoint], self._config.viewpoint_spacing), beacon=self._beacon)
 
     def _find_way_out(self, mapper: Mapper, pose: Pose, observation: Observation) -> Position | None:
         """Return the goal of a detour: a known target, or a useful viewpoint that was not scanned from, or None."""
@@ -200,18 +228,31 @@ class LearnedPlanner:
         return plan
 
     def _read_shipped(self, task: TaskName) -> tuple[Policy, PolicyCard]:
-        if task not in self._held:
-            self._held[task] = read_policy(shipped_policy(task))
-            _warn_of_other_mapping(self._held[task][1], self._config)
-        return self._held[task]
+        if task not in self._read:
+            self._read[task] = read_policy(shipped_policy(task))
+            _warn_of_other_mapping(self._read[task][1], self._config)
+        return self._read[task]
 
     def _forget(self) -> None:
         self._random = np.random.default_rng(0)
         self._scanned = ScannedViewpoints(self._config.viewpoint_spacing)
         self._places = PlacesSinceNews()
         self._way_out = None
+        self._held = HeldWaypoint(self._config.viewpoint_spacing)
+        self._beacon = None
+        self._factor = 1 if self.card is None else _factor(self.card.mapping, self._config)
         self.rule_applied = 0
         self.attention = None
+
+
+def _factor(trained: MappingConfig, given: MappingConfig) -> int:
+    """How many times as far apart viewpoints were in training, in shares of the sensor's range; at least 1."""
+    spacing = trained.viewpoint_spacing * given.sensor_range / trained.sensor_range
+    return max(1, round(spacing / given.viewpoint_spacing))
+
+
+def _positions(mapper: Mapper, nodes: NDArray[np.int64]) -> NDArray[np.float64]:
+    return np.array([mapper.position(node) for node in nodes.tolist()])
 
 
 def bare_planner(config: MappingConfig, *, policy: str | Path | None = None) -> LearnedPlanner:
@@ -221,11 +262,18 @@ def bare_planner(config: MappingConfig, *, policy: str | Path | None = None) -> 
 
 def _warn_of_other_mapping(card: PolicyCard, config: MappingConfig) -> None:
     trained, given = card.mapping.model_dump(), config.with_planning_set_of(card.mapping).model_dump()
-    scaled = ("utility_range", "min_utility", "least_utility", "beacon_range")
+    scaled = ("utility_range", "min_utility", "least_utility", "beacon_range", "viewpoint_spacing")
     differing = [
         f"{name} {trained[name]} (here {given[name]})"
         for name in given
         if name not in scaled and trained[name] != given[name]
     ]
+    wanted = card.mapping.viewpoint_spacing * config.sensor_range / card.mapping.sensor_range
+    seen = config.viewpoint_spacing * _factor(card.mapping, config)
+    if not wanted / SPACING_TOLERANCE <= seen <= wanted * SPACING_TOLERANCE:
+        differing.append(
+            f"viewpoints as if {wanted:g} m apart at this range (here {seen:g} m): set mapping.viewpoint_spacing to "
+            "that or a fraction of it"
+        )
     if differing:
         log.warning("the policy of run %r was trained with another mapping: %s", card.run, ", ".join(differing))

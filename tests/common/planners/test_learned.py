@@ -113,3 +113,25 @@ def test_the_rule_against_cycles_leads_an_untrained_navigator_to_its_target(tmp_
     ruled = navigate(planner, world, CONFIG, max_steps=60, rays=360)
     assert ruled.complete
     assert bare.complete or planner.rule_applied > 0
+
+
+def test_between_closer_viewpoints_it_decides_as_on_the_lattice_of_its_training(policy):
+    close = CONFIG.model_copy(update={"viewpoint_spacing": 1.0})
+    planner = LearnedPlanner(close, policy=policy)
+    # `explore` checks every waypoint: known free, in sight, one edge of the closer lattice long.
+    episode = explore(planner, WORLD, close, max_steps=80, rays=360)
+    assert episode.complete
+    decisions = {plan.beacon for plan in episode.plans}
+    assert len(decisions) < episode.steps / 2
+    choices = planner.attention.waypoints
+    assert len(choices) > 1
+    # What it chooses from is as far as edges were in training: up to sqrt(5) of four metres.
+    assert max(np.hypot(*(choices - choices.mean(axis=0)).T)) > 2.5
+
+
+def test_viewpoints_too_far_apart_for_the_sensor_are_warned_of(policy, caplog):
+    LearnedPlanner(MappingConfig(resolution=0.5, sensor_range=10.0), policy=policy)
+    assert "viewpoints as if 2 m apart at this range (here 4 m)" in caplog.text
+    caplog.clear()
+    LearnedPlanner(MappingConfig(resolution=0.5, viewpoint_spacing=1.0), policy=policy)
+    assert not caplog.text
