@@ -115,6 +115,9 @@ class DecisionConfig(Section):
     """The navigation target counts as reached within this distance, metres."""
     goal: Point | None = None
     """Navigation target (x, y) in the map frame, metres, when no topic gives one."""
+    min_frontier: NonNegative = 1.0
+    """In exploration, a viewpoint is worth a visit when it observes so many metres of frontier, or more. Less finds
+    the last grains of unknown space behind furniture, for twice the way; more may miss a room behind a narrow door."""
     completion_checks: Annotated[int, Field(ge=1)] = 5
     """The planner must say so many times in a row, on new maps, that nothing is left before the task ends."""
     status_rate: Positive = 2.0

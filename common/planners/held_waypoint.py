@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import inf
 from typing import Final
 
@@ -15,47 +16,64 @@ from common.planners.base import Position
 _MAX_ATTEMPTS: Final = 3
 
 
+@dataclass
+class _Held:
+    position: Position
+    useful: bool
+    target_known: bool
+    distance: float = inf
+    place: Position | None = None
+    attempts: int = 0
+
+
 class HeldWaypoint:
     """What a planner has decided to drive to, while the robot is on its way over several edges."""
 
     def __init__(self, spacing: float) -> None:
         """Hold nothing; `spacing` of the viewpoints in metres."""
         self._spacing = spacing
-        self._position: Position | None = None
+        self._held: _Held | None = None
 
     def hold(self, mapper: Mapper, node: int) -> None:
         """Hold a node of the last update."""
-        self._position = mapper.position(node)
-        self._target_known = mapper.target_known
-        self._distance = inf
-        self._here: Position | None = None
-        self._attempts = 0
+        self._held = _Held(mapper.position(node), _observes(mapper, node), mapper.target_known)
 
     def node(self, mapper: Mapper, pose: Pose) -> int | None:
         """Return the node to go on to, None when a new decision is due.
 
         It is due when nothing is held, when the robot is there, when the viewpoint is gone or its way has become longer
-        by two spacings (a wall came into view), when the target has become known, or when the robot does not move.
+        by two spacings (a wall came into view), when the frontiers that it observed have all been seen, when the target
+        has become known, or when the robot does not move.
         """
-        if self._position is None:
+        node = None if self._held is None else self._find(mapper, self._held)
+        if self._held is None or node is None or not self._stands(mapper, pose, self._held, node):
+            self._held = None
             return None
-        node = self._find(mapper)
-        if node is None or node == mapper.robot or mapper.target_known != self._target_known:
-            self._position = None
-            return None
-        distance = float(mapper.distances(mapper.robot)[node])
-        self._attempts = self._attempts + 1 if self._here == pose.position else 1
-        self._here = pose.position
-        if distance > self._distance + 2.0 * self._spacing or distance == inf or self._attempts > _MAX_ATTEMPTS:
-            self._position = None
-            return None
-        self._distance = min(self._distance, distance)
         return node
 
-    def _find(self, mapper: Mapper) -> int | None:
+    def _stands(self, mapper: Mapper, pose: Pose, held: _Held, node: int) -> bool:
+        """Whether the decision for a node still makes sense."""
+        if node == mapper.robot or mapper.target_known != held.target_known:
+            return False
+        if held.useful and not _observes(mapper, node):
+            return False
+        distance = float(mapper.distances(mapper.robot)[node])
+        longer = distance == inf or distance > held.distance + 2.0 * self._spacing
+        held.distance = min(held.distance, distance)
+        held.attempts = held.attempts + 1 if held.place == pose.position else 1
+        held.place = pose.position
+        return not longer and held.attempts <= _MAX_ATTEMPTS
+
+    def _find(self, mapper: Mapper, held: _Held) -> int | None:
         positions = mapper.viewpoints
-        if self._position == mapper.target:
+        if held.position == mapper.target:
             return len(positions)
-        beside = np.hypot(*(positions - np.array(self._position)).T)
+        beside = np.hypot(*(positions - np.array(held.position)).T)
         node = int(np.argmin(beside))
         return node if beside[node] < 0.25 * self._spacing else None
+
+
+def _observes(mapper: Mapper, node: int) -> bool:
+    """Whether a node observes frontiers; the target does not."""
+    utility = mapper.observe().utility
+    return node < len(utility) and bool(utility[node])
