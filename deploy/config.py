@@ -55,6 +55,9 @@ class SensingConfig(Section):
     """Values of an OccupancyGrid from here on are occupied."""
     grid_free: Annotated[int, Field(ge=0, le=99)] = 25
     """Values of an OccupancyGrid up to here are free; between the two they are unknown."""
+    pocket: NonNegative = 1.0
+    """In exploration, an unknown area that known cells enclose and that is no larger counts as an obstacle and not as
+    something to explore, square metres; 0 for none."""
     octomap: bool = False
     """Build a 3D OctoMap from point clouds (needs pyoctomap) and project it."""
     octomap_resolution: Positive = 0.2
@@ -115,9 +118,6 @@ class DecisionConfig(Section):
     """The navigation target counts as reached within this distance, metres."""
     goal: Point | None = None
     """Navigation target (x, y) in the map frame, metres, when no topic gives one."""
-    min_frontier: NonNegative = 1.0
-    """In exploration, a viewpoint is worth a visit when it observes so many metres of frontier, or more. Less finds
-    the last grains of unknown space behind furniture, for twice the way; more may miss a room behind a narrow door."""
     completion_checks: Annotated[int, Field(ge=1)] = 5
     """The planner must say so many times in a row, on new maps, that nothing is left before the task ends."""
     status_rate: Positive = 2.0

@@ -93,6 +93,5 @@ def diagnose(mapper: Mapper | None, pose: Pose | None, config: MappingConfig) ->
         return Diagnosis(Cause.NO_FRONTIER, "no frontier is left: everything that can be seen from here is known")
     return Diagnosis(
         Cause.UNREACHABLE,
-        f"{frontiers} frontier cells are left: too few for a visit (decision.min_frontier), observed by no reachable "
-        "viewpoint, or looked at in vain",
+        f"{frontiers} frontier cells are left that no reachable viewpoint observes, or that were looked at in vain",
     )

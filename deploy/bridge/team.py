@@ -123,19 +123,8 @@ class PlannerTeam:
 
 
 def with_planning_set(config: DeployConfig, team: PlannerTeam) -> DeployConfig:
-    """Return the configuration whose mapping suits the task and the planner in charge.
-
-    A policy brings rules of its own for what is useful, and an exploration leaves small remainders.
-    """
+    """Return the configuration whose mapping suits the planner in charge: a policy brings rules of its own."""
     mapping = mapping_for(team.main, config.decision.task, config.mapping)
-    if config.decision.task == "exploration":
-        cells = round(config.decision.min_frontier / mapping.resolution)
-        mapping = mapping.model_copy(
-            update={
-                "min_utility": max(mapping.min_utility, cells),
-                "least_utility": max(mapping.least_utility, cells),
-            }
-        )
     return config.model_copy(update={"mapping": mapping})
 
 

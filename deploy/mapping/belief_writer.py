@@ -1,4 +1,4 @@
-"""Writing the robot's grid into the common belief: walls with room for the body, only where something changed."""
+"""Writing the robot's grid into the common belief: room for the body, no pockets, only where something changed."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ from numpy.typing import NDArray
 
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
-from common.mapping.sight import Box
+from common.mapping.sight import OCCUPIED, Box
 from deploy.config import DeployConfig
 from deploy.mapping.cells import CellGrid
 from deploy.mapping.inflation import WAY_OUT, footprint, inflate, inflation_offsets
+from deploy.mapping.pockets import Pockets
 
 
 class BeliefWriter:
-    """Keeps the belief of one Mapper equal to a grid in which walls are inflated.
+    """Keeps the belief of one Mapper equal to a grid in which walls are inflated and pockets closed.
+
+    On the way to a target no pocket is closed: the target may lie in one.
 
     Attributes:
         mapper: whose belief it writes; its cells are those of the grid.
@@ -38,6 +41,8 @@ class BeliefWriter:
         self._offsets = inflation_offsets(size, driving.robot_radius, driving.clearance)
         self._reach = int(np.abs(self._offsets).max(initial=0))
         self._robot_box: Box | None = None
+        self._pockets = Pockets(config.sensing.pocket, size)
+        self._closing = True
 
     def write(self, pose: Pose) -> None:
         """Assign what changed since the last time, and the robot's own place where it stood and stands."""
@@ -45,13 +50,15 @@ class BeliefWriter:
         rows, columns = cells.states.shape
         changed = cells.take_changes()
         regions = []
-        if not self._same_extent():
+        closing = self.mapper.target is None
+        if not self._same_extent() or closing != self._closing:
             regions.append((0, rows - 1, 0, columns - 1))
         else:
             if changed is not None:
                 regions.append(_clipped(changed, self._reach, rows, columns))
             if self._robot_box is not None:
                 regions.append(self._robot_box)
+        self._closing = closing
         row = (pose.y - cells.anchor[1]) / cells.resolution - cells.first[0]
         column = (pose.x - cells.anchor[0]) / cells.resolution - cells.first[1]
         self._robot_box = None
@@ -66,11 +73,26 @@ class BeliefWriter:
             out = self._inflated(region)
             if place is not None and self._robot_box is not None:
                 _paste(out, region, place, self._robot_box)
+            if closing:
+                self._pockets.close(out, (cells.first[0] + region[0], cells.first[1] + region[2]))
             self._assign(region, out)
+        if closing:
+            self._close_new(regions)
 
     def _same_extent(self) -> bool:
         belief = self.mapper.belief
         return belief.shape == self._cells.states.shape and belief.first_cell == self._cells.first
+
+    def _close_new(self, regions: list[Box]) -> None:
+        """Close pockets that what was written has cut off."""
+        belief = self.mapper.belief
+        for region in regions:
+            found = self._pockets.find(belief, region)
+            if len(found):
+                (top, left), (bottom, right) = found.min(axis=0), found.max(axis=0)
+                part = belief.cells[top : bottom + 1, left : right + 1].copy()
+                part[found[:, 0] - top, found[:, 1] - left] = OCCUPIED
+                self._assign((int(top), int(bottom), int(left), int(right)), part)
 
     def _inflated(self, box: Box) -> NDArray[np.int8]:
         out = np.empty((box[1] - box[0] + 1, box[3] - box[2] + 1), dtype=np.int8)

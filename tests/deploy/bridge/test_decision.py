@@ -5,14 +5,11 @@ from math import hypot
 import numpy as np
 import pytest
 
-from actors.maps.generators import make_generator
 from common.geometry import Pose, Scan
 from common.planners.base import Plan, Status
 from deploy.bridge.completion import CompletionChecks
 from deploy.bridge.mission import Phase
-from deploy.bridge.team import make_team, with_planning_set
 from deploy.mapping.robot_map import RobotMap
-from deploy.profiles import DEPLOY
 from tests.common.planners.worlds import ARMS, DEAD_END, ROOM, ROOMS
 from tests.deploy.bridge.offline import MAPPING, Trial, ended, settings
 
@@ -51,34 +48,6 @@ def test_a_world_is_explored_to_the_end_and_the_end_says_why(planner):
     # Every waypoint was known free, and each but the last of the checks held the robot.
     assert [o.hold[:7] for o in trial.outcomes if o.hold].count("check 1") >= 1
     assert last.relieved == ""
-
-
-def test_remainders_smaller_than_min_frontier_are_left_alone():
-    world = make_generator("office", {"width": "192", "height": "192"}).world(5)
-    driven, seen = {}, {}
-    for least in (0.0, 1.5):
-        # The scale of a robot, in an office of 48 m x 48 m.
-        scale = {"resolution": 0.25, "sensor_range": 20.0, "viewpoint_spacing": 1.0, "beacon_range": 20.0}
-        config = DEPLOY.resolve({"mapping": scale, "decision": {"planner": "greedy", "min_frontier": least}})
-        config = with_planning_set(config, make_team(config))
-        trial = Trial(world, config)
-        trial.mission.start()
-        last = trial.run(600, ended)
-        assert last.orders.phase is Phase.FINISHED
-        driven[least], seen[least] = trial.distance, last.mapper.explored_area
-    assert driven[1.5] < 0.95 * driven[0.0]
-    assert seen[1.5] > 0.97 * seen[0.0]
-
-
-def test_navigation_and_a_policy_keep_their_own_measure_of_what_is_useful():
-    fine = {"decision": {"task": "navigation", "planner": "astar", "min_frontier": 5.0}}
-    config = settings(**fine)
-    assert with_planning_set(config, make_team(config)).mapping.min_utility == config.mapping.min_utility
-    config = settings(decision={"planner": "hdplanner", "min_frontier": 0.0})
-    # The shipped policy asks for two cells of 0.25 m, which is one of 0.5 m.
-    assert with_planning_set(config, make_team(config)).mapping.min_utility == 1
-    config = settings(decision={"planner": "hdplanner", "min_frontier": 2.0})
-    assert with_planning_set(config, make_team(config)).mapping.least_utility == 4
 
 
 def test_a_target_is_reached_and_the_next_one_too():

@@ -84,7 +84,7 @@ def test_viewpoints_and_edges_keep_the_robots_radius_from_obstacles(seed, resolu
 def test_the_belief_is_always_the_inflated_map(seed):
     """Updates only where something changed give what inflating everything gives, growth and moving things included."""
     rng = np.random.default_rng(seed)
-    config = configure(driving=BODY, mapping={"resolution": 0.2})
+    config = configure(driving=BODY, mapping={"resolution": 0.2}, sensing={"pocket": 0.0})
     offsets = inflation_offsets(0.2, 0.25, 0.05)
     robot_map = RobotMap(config)
     free = random_world(rng, 40, 60)
