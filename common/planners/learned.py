@@ -63,7 +63,8 @@ class LearnedPlanner:
 
     The network reads steps of the lattice, not metres. Where viewpoints are closer together than in training, as a
     share of the sensor's range, it decides on a graph of wider ones (`coarse_graph`), and the robot goes to the
-    waypoint over the viewpoints between before it decides again.
+    waypoint over the viewpoints between before it decides again. A target that is known to be free needs no decision
+    there: the rule leads to it.
 
     Attributes:
         card: what the policy is and where it comes from; of shipped policies that of the last `reset`, None before.
@@ -157,6 +158,8 @@ class LearnedPlanner:
             return Plan(Status.STUCK, reason="the robot's viewpoint has no neighbour")
         if self._places.forget_on_news(mapper):
             self._way_out = None
+        if self._factor > 1 and self._end_cycles and mapper.target_known:
+            self._way_out = mapper.target
         held = self._held.node(mapper, pose)
         if held is not None:
             return self._lead_to(mapper, pose, held)
@@ -236,11 +239,12 @@ class LearnedPlanner:
     def _forget(self) -> None:
         self._random = np.random.default_rng(0)
         self._scanned = ScannedViewpoints(self._config.viewpoint_spacing)
-        self._places = PlacesSinceNews()
-        self._way_out = None
         self._held = HeldWaypoint(self._config.viewpoint_spacing)
         self._beacon = None
         self._factor = 1 if self.card is None else _factor(self.card.mapping, self._config)
+        # Which viewpoints stand for a coarse graph's squares changes from decision to decision, by half a square.
+        self._places = PlacesSinceNews(self._factor * self._config.viewpoint_spacing / 2.0 if self._factor > 1 else 0.0)
+        self._way_out = None
         self.rule_applied = 0
         self.attention = None
 

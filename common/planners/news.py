@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf
+from math import hypot, inf
 from typing import Final
 
 from common.mapping.mapper import Mapper
@@ -11,21 +11,25 @@ from common.planners.base import Position
 # New area that counts as news, square metres: less is what scans graze in passing, and noisy ranges make single cells
 # known at almost every step.
 NEWS_AREA: Final = 0.5
+# Positions of one viewpoint may differ so much between updates, metres.
+_SAME: Final = 1e-3
 
 
 class PlacesSinceNews:
     """The viewpoints at which a planner has decided since the belief last grew by `NEWS_AREA`."""
 
-    def __init__(self) -> None:
+    def __init__(self, reach: float = 0.0) -> None:
+        """Know of none; places nearer to each other than `reach`, metres, count as one."""
+        self._reach = max(reach, _SAME)
         self._area = -inf
         self._places: set[Position] = set()
 
     def __contains__(self, position: Position) -> bool:
-        return _rounded(position) in self._places
+        return any(hypot(position[0] - x, position[1] - y) <= self._reach for x, y in self._places)
 
     def add(self, position: Position) -> None:
         """Note a viewpoint at which the planner decides."""
-        self._places.add(_rounded(position))
+        self._places.add(position)
 
     def forget_on_news(self, mapper: Mapper) -> bool:
         """Forget all viewpoints when the belief has grown enough since the last news; return whether it has."""
@@ -35,8 +39,3 @@ class PlacesSinceNews:
             self._area = area
             self._places.clear()
         return news
-
-
-def _rounded(position: Position) -> Position:
-    """Return a viewpoint's position without the last digits, which may differ between updates."""
-    return round(position[0], 3), round(position[1], 3)
