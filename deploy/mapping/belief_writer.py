@@ -43,6 +43,7 @@ class BeliefWriter:
         self._robot_box: Box | None = None
         self._pockets = Pockets(config.sensing.pocket, size)
         self._closing = True
+        self._moves = config.sensing.source == "grid"
 
     def write(self, pose: Pose) -> None:
         """Assign what changed since the last time, and the robot's own place where it stood and stands."""
@@ -51,7 +52,11 @@ class BeliefWriter:
         changed = cells.take_changes()
         regions = []
         closing = self.mapper.target is None
-        if not self._same_extent() or closing != self._closing:
+        # The map of a SLAM may move as a whole: what enclosed a pocket once may not do so now.
+        moved = self._moves and changed is not None
+        if moved:
+            self._pockets.forget()
+        if moved or not self._same_extent() or closing != self._closing:
             regions.append((0, rows - 1, 0, columns - 1))
         else:
             if changed is not None:

@@ -25,12 +25,17 @@ _HERE: Final = 3
 class Pockets:
     """The pockets of one belief, which planners are shown as obstacles.
 
-    A pocket stays one: what is unknown does not grow. Cells of it that a scan tells of are shown as they are.
+    In a map made of scans a pocket stays one: what is unknown does not grow. Cells of it that a scan tells of are shown
+    as they are.
     """
 
     def __init__(self, area: float, resolution: float) -> None:
         """Know of none; `area` of the largest pocket, square metres, 0 for none at all; `resolution` in metres."""
         self._limit = int(area / resolution**2)
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget all pockets, because the grid is another one."""
         # Row and column of each cell, counted from the anchor, because grids grow in all directions.
         self._cells = np.empty((0, 2), dtype=np.int64)
 

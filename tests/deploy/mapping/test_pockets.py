@@ -130,6 +130,20 @@ def test_on_the_way_to_a_target_pockets_are_unknown_again():
     assert robot_map.refresh().belief.at(NICHE) == OCCUPIED
 
 
+def test_the_map_of_a_slam_may_open_a_pocket_again():
+    robot_map = RobotMap(configure(sensing={"source": "grid"}))
+    robot_map.add_pose(1.0, Pose(1.5, 2.0))
+    cells = np.where(furnished(), FREE, OCCUPIED).astype(np.int8)
+    cells[19:22, 13:16] = UNKNOWN
+    cells[19:22, 16] = OCCUPIED
+    cells[20, 16] = FREE
+    robot_map.add_grid(1.0, cells, 0.25, (0.0, 0.0, 0.0))
+    assert robot_map.refresh().belief.at(NICHE) == OCCUPIED
+    cells[10:35, 10:35] = UNKNOWN
+    robot_map.add_grid(2.0, cells, 0.25, (0.0, 0.0, 0.0))
+    assert robot_map.refresh().belief.at(NICHE) == UNKNOWN
+
+
 def test_a_room_behind_a_narrow_door_is_no_pocket():
     robot_map = RobotMap(configure())
     free = room()
