@@ -67,7 +67,7 @@ def coarse_graph(mapper: Mapper, factor: int) -> CoarseGraph:
     owner = numbers[place]
     subcells = np.array([mapper.belief.subcells(mapper.position(node)) for node in nodes.tolist()], dtype=np.int64)
     cells = mapper.belief.padded
-    edges = _join(cells.reshape(-1), cells.shape[1], subcells, places, numbers, columns, NEIGHBOUR_OFFSETS)
+    edges = _join(cells.reshape(-1), cells.shape[1], subcells, places, numbers, columns)
     distances, before = mapper.shortest_paths(fine.robot)
     _connect(edges, places, numbers, columns, nodes, np.argsort(distances[nodes], kind="stable"), owner, before)
     visited, beacon = np.zeros((2, len(nodes)), dtype=np.bool_)
@@ -96,14 +96,14 @@ def _join(
     places: NDArray[np.int64],
     numbers: NDArray[np.int64],
     columns: int,
-    offsets: NDArray[np.int16],
 ) -> NDArray[np.uint32]:
     """Return the edge masks of the viewpoints that stand for squares: their free lines of sight."""
     edges = np.zeros(len(places), dtype=np.uint32)
     for node in range(len(places)):
         # The second half of the bits names each pair once.
         for bit in range(NEIGHBOUR_COUNT // 2, NEIGHBOUR_COUNT):
-            other = numbers[places[node] + offsets[bit, 1] * columns + offsets[bit, 0]]
+            dx, dy = NEIGHBOUR_OFFSETS[bit, 0], NEIGHBOUR_OFFSETS[bit, 1]
+            other = numbers[places[node] + dy * columns + dx]
             if other < 0:
                 continue
             a, b = subcells[node], subcells[other]
