@@ -90,14 +90,17 @@ class BeliefWriter:
 
     def _close_new(self, regions: list[Box]) -> None:
         """Close pockets that what was written has cut off."""
+        if not regions:
+            return
+        # The robot's own place lies in what it scans: one look at both together.
+        tops, bottoms, lefts, rights = zip(*regions, strict=True)
         belief = self.mapper.belief
-        for region in regions:
-            found = self._pockets.find(belief, region)
-            if len(found):
-                (top, left), (bottom, right) = found.min(axis=0), found.max(axis=0)
-                part = belief.cells[top : bottom + 1, left : right + 1].copy()
-                part[found[:, 0] - top, found[:, 1] - left] = OCCUPIED
-                self._assign((int(top), int(bottom), int(left), int(right)), part)
+        found = self._pockets.find(belief, (min(tops), max(bottoms), min(lefts), max(rights)))
+        if len(found):
+            (top, left), (bottom, right) = found.min(axis=0).tolist(), found.max(axis=0).tolist()
+            part = belief.cells[top : bottom + 1, left : right + 1].copy()
+            part[found[:, 0] - top, found[:, 1] - left] = OCCUPIED
+            self._assign((top, bottom, left, right), part)
 
     def _inflated(self, box: Box) -> NDArray[np.int8]:
         out = np.empty((box[1] - box[0] + 1, box[3] - box[2] + 1), dtype=np.int8)

@@ -16,10 +16,10 @@ from common.jit import njit
 from common.mapping.belief import Belief
 from common.mapping.sight import FREE, OCCUPIED, UNKNOWN, Box
 
+# Marks of cells: not flooded yet; flooded; and known to lie in an area that is no pocket.
 _UNSEEN: Final = 0
-_OPEN: Final = 1
-_POCKET: Final = 2
-_HERE: Final = 3
+_SEEN: Final = 1
+_OPEN: Final = 2
 
 
 class Pockets:
@@ -86,7 +86,7 @@ def _find(padded: NDArray[np.int8], top: int, bottom: int, left: int, right: int
             if FREE not in (cells[start - 1], cells[start + 1], cells[start - width], cells[start + width]):
                 continue
             area[0] = start
-            marks[start] = _HERE
+            marks[start] = _SEEN
             size, at, enclosed = 1, 0, True
             while at < size and enclosed:
                 here = area[at]
@@ -96,13 +96,14 @@ def _find(padded: NDArray[np.int8], top: int, bottom: int, left: int, right: int
                     if cells[there] < UNKNOWN or (cells[there] == UNKNOWN and marks[there] == _OPEN):
                         enclosed = False
                     elif cells[there] == UNKNOWN and marks[there] == _UNSEEN:
-                        marks[there] = _HERE
+                        marks[there] = _SEEN
                         area[size] = there
                         size += 1
                 if size > limit:
                     enclosed = False
-            for k in range(size):
-                marks[area[k]] = _POCKET if enclosed else _OPEN
+            for cell in area[:size]:
                 if enclosed:
-                    pockets.append(area[k])
+                    pockets.append(cell)
+                else:
+                    marks[cell] = _OPEN
     return np.array(pockets, dtype=np.int64)
