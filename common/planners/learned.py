@@ -14,7 +14,6 @@ from common.config.schema import MappingConfig
 from common.geometry import Pose
 from common.mapping.coarse_graph import coarse_graph
 from common.mapping.mapper import Mapper
-from common.observation import Observation
 from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.greedy import GreedyPlanner
 from common.planners.held_waypoint import HeldWaypoint
@@ -141,10 +140,38 @@ class LearnedPlanner:
 
     def plan(self, mapper: Mapper, pose: Pose) -> Plan:
         """Decide; the mapper has taken in the newest scan and was updated at this pose."""
+        end = self._end(mapper, pose)
+        if end is not None:
+            return end
+        if self._places.forget_on_news(mapper):
+            self._way_out = None
+        if self._factor > 1 and self._end_cycles and mapper.target_known:
+            self._way_out = mapper.target
+        held = self._held.node(mapper, pose)
+        if held is not None:
+            return self._lead_to(mapper, pose, held)
+        self._places.add(mapper.position(mapper.robot))
+        detour = self._follow_way_out(mapper, pose)
+        if detour is not None:
+            return detour
+        waypoint = self._decide(mapper)
+        if self._end_cycles and mapper.position(waypoint) in self._places:
+            self._way_out = self._find_way_out(mapper, pose)
+            detour = self._follow_way_out(mapper, pose)
+            if detour is not None:
+                return detour
+        if self._factor > 1:
+            self._held.hold(mapper, waypoint)
+            return self._lead_to(mapper, pose, waypoint)
+        route = [mapper.position(mapper.robot), mapper.position(waypoint)]
+        legs = first_legs(mapper, pose, route, self._config.viewpoint_spacing)
+        return Plan(Status.GOING, waypoint=legs[0], beacon=self._beacon, path=legs[1:])
+
+    def _end(self, mapper: Mapper, pose: Pose) -> Plan | None:
+        """Say why there is nothing to decide; None where there is."""
         if mapper.stuck:
             return Plan(Status.STUCK, reason="no viewpoint can be reached in a straight free line from the robot")
         observation = mapper.observe()
-        waypoints = observation.waypoint_nodes()
         if not len(observation.beacon_nodes()):
             if observation.has_target:
                 return Plan(Status.UNREACHABLE, reason="no reachable viewpoint observes a frontier or the target")
@@ -154,31 +181,9 @@ class LearnedPlanner:
         if not observation.target_known and self._scanned.mask(mapper.viewpoints)[useful].all():
             status = Status.UNREACHABLE if observation.has_target else Status.COMPLETE
             return Plan(status, reason=nothing_left(int(np.count_nonzero(useful))))
-        if not len(waypoints):
+        if not len(observation.waypoint_nodes()):
             return Plan(Status.STUCK, reason="the robot's viewpoint has no neighbour")
-        if self._places.forget_on_news(mapper):
-            self._way_out = None
-        if self._factor > 1 and self._end_cycles and mapper.target_known:
-            self._way_out = mapper.target
-        held = self._held.node(mapper, pose)
-        if held is not None:
-            return self._lead_to(mapper, pose, held)
-        self._places.add(mapper.position(mapper.robot))
-        plan = self._follow_way_out(mapper, pose)
-        if plan is not None:
-            return plan
-        waypoint = self._decide(mapper)
-        if self._end_cycles and mapper.position(waypoint) in self._places:
-            self._way_out = self._find_way_out(mapper, pose, observation)
-            plan = self._follow_way_out(mapper, pose)
-            if plan is not None:
-                return plan
-        if self._factor > 1:
-            self._held.hold(mapper, waypoint)
-            return self._lead_to(mapper, pose, waypoint)
-        route = [mapper.position(mapper.robot), mapper.position(waypoint)]
-        legs = first_legs(mapper, pose, route, self._config.viewpoint_spacing)
-        return Plan(Status.GOING, waypoint=legs[0], beacon=self._beacon, path=legs[1:])
+        return None
 
     def _decide(self, mapper: Mapper) -> int:
         """Return the node that the network chooses; it notes the beacon and the attention."""
@@ -198,13 +203,13 @@ class LearnedPlanner:
         """Return the next leg to a waypoint that may be several edges away."""
         return replace(lead_to(mapper, pose, [waypoint], self._config.viewpoint_spacing), beacon=self._beacon)
 
-    def _find_way_out(self, mapper: Mapper, pose: Pose, observation: Observation) -> Position | None:
+    def _find_way_out(self, mapper: Mapper, pose: Pose) -> Position | None:
         """Return the goal of a detour: a known target, or a useful viewpoint that was not scanned from, or None."""
         if mapper.target_known:
             return mapper.target
         positions = mapper.viewpoints
         distances = mapper.distances(mapper.robot)
-        useful = (observation.utility > 0) & ~self._scanned.mask(positions)
+        useful = (mapper.observe().utility > 0) & ~self._scanned.mask(positions)
         candidates = np.flatnonzero(useful & np.isfinite(distances[: len(positions)]))
         if not len(candidates):
             return None
@@ -249,10 +254,14 @@ class LearnedPlanner:
         self.attention = None
 
 
+def _spacing(trained: MappingConfig, given: MappingConfig) -> float:
+    """Return how far apart viewpoints were in training, at the given sensor's range, metres."""
+    return trained.viewpoint_spacing * given.sensor_range / trained.sensor_range
+
+
 def _factor(trained: MappingConfig, given: MappingConfig) -> int:
-    """How many times as far apart viewpoints were in training, in shares of the sensor's range; at least 1."""
-    spacing = trained.viewpoint_spacing * given.sensor_range / trained.sensor_range
-    return max(1, round(spacing / given.viewpoint_spacing))
+    """Return how many times as far apart as the given ones that is, at least 1."""
+    return max(1, round(_spacing(trained, given) / given.viewpoint_spacing))
 
 
 def _positions(mapper: Mapper, nodes: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -272,7 +281,7 @@ def _warn_of_other_mapping(card: PolicyCard, config: MappingConfig) -> None:
         for name in given
         if name not in scaled and trained[name] != given[name]
     ]
-    wanted = card.mapping.viewpoint_spacing * config.sensor_range / card.mapping.sensor_range
+    wanted = _spacing(card.mapping, config)
     seen = config.viewpoint_spacing * _factor(card.mapping, config)
     if not wanted / SPACING_TOLERANCE <= seen <= wanted * SPACING_TOLERANCE:
         differing.append(
