@@ -47,6 +47,8 @@ class MappingConfig(Section):
     """Range of the robot's sensor, metres; longer readings count as 'nothing met' at this range."""
     viewpoint_spacing: Positive = 4.0
     """Distance between neighbouring viewpoints of the lattice, metres."""
+    robot_radius: Annotated[float, Field(ge=0.0)] = 0.0
+    """Radius of the robot, metres: no edge of the viewpoint graph leads through less clearance; 0 for a point."""
     utility_range: Positive | None = None
     """A viewpoint observes frontiers up to this distance, metres; the sensor range when not given."""
     min_utility: Annotated[int, Field(ge=1)] = 2

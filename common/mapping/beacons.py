@@ -57,7 +57,7 @@ def find_beacons(
 
 
 @njit(cache=True, nogil=True)
-def nearest_in_sight(
+def nearest_in_line(
     cells: NDArray[np.int8],
     width: int,
     x: NDArray[np.int64],
@@ -67,10 +67,10 @@ def nearest_in_sight(
     reach: int,
     most: int,
 ) -> NDArray[np.int64]:
-    """Return the nearest viewpoints in line of sight of a target, ascending.
+    """Return the nearest viewpoints from which a straight line leads to a target through open cells, ascending.
 
     Args:
-        cells: padded grid, flat, int8.
+        cells: padded grid, flat, int8, 0 where it is open.
         width: its cells per row.
         x: of the viewpoints in node order, subcells, int64, shape (n,).
         y: likewise.

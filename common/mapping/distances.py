@@ -7,46 +7,30 @@ from numpy.typing import NDArray
 
 from common.heap import pop, push
 from common.jit import njit
-from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS
-
-# Length of each neighbour offset in lattice steps.
-OFFSET_LENGTHS: NDArray[np.float64] = np.hypot(
-    NEIGHBOUR_OFFSETS[:, 0].astype(np.float64), NEIGHBOUR_OFFSETS[:, 1].astype(np.float64)
-)
 
 
 @njit(cache=True, nogil=True)
 def shortest_paths(
-    edges: NDArray[np.uint32],
-    offsets: NDArray[np.int16],
-    lengths: NDArray[np.float64],
-    order: NDArray[np.int32],
-    numbers: NDArray[np.int32],
-    source: int,
-    spacing: float,
+    pointer: NDArray[np.int64], neighbours: NDArray[np.int32], lengths: NDArray[np.float64], source: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Compute the distance of every node from one node over edges, and where its shortest path comes from.
 
     Args:
-        edges: 20-bit masks of the whole lattice, uint32, shape (rows, columns).
-        offsets: the 20 neighbour offsets (dx, dy).
-        lengths: their lengths in lattice steps.
-        order: flat lattice index of each node, int32, shape (n,).
-        numbers: node number of each lattice point or -1, int32, flat.
+        pointer: first neighbour of each node, then their number, int64, shape (n + 1,).
+        neighbours: node numbers, int32, shape (entries,).
+        lengths: of the edges to them, metres, float64, same shape.
         source: node number.
-        spacing: metres.
 
     Returns:
         Distances in metres, float64, shape (n,), infinite where no path leads; and the node before each one on its
         path, int32, shape (n,), -1 for the source and for nodes without a path.
     """
-    columns = edges.shape[1]
-    n = len(order)
+    n = len(pointer) - 1
     distances = np.full(n, np.inf)
     before = np.full(n, -1, dtype=np.int32)
     done = np.zeros(n, dtype=np.bool_)
-    heap_keys = np.empty(n * NEIGHBOUR_COUNT + 1)
-    heap = np.empty(n * NEIGHBOUR_COUNT + 1, dtype=np.int32)
+    heap_keys = np.empty(len(neighbours) + 1)
+    heap = np.empty(len(neighbours) + 1, dtype=np.int32)
     distances[source] = 0.0
     heap_keys[0] = 0.0
     heap[0] = source
@@ -57,14 +41,11 @@ def shortest_paths(
         if done[node]:
             continue
         done[node] = True
-        here = order[node]
-        mask = edges[here // columns, here % columns]
-        for k in range(NEIGHBOUR_COUNT):
-            if (mask >> np.uint32(k)) & np.uint32(1):
-                there = numbers[here + offsets[k, 1] * columns + offsets[k, 0]]
-                distance = distances[node] + lengths[k] * spacing
-                if distance < distances[there]:
-                    distances[there] = distance
-                    before[there] = node
-                    size = push(heap_keys, heap, size, distance, there)
+        for k in range(pointer[node], pointer[node + 1]):
+            there = neighbours[k]
+            distance = distances[node] + lengths[k]
+            if distance < distances[there]:
+                distances[there] = distance
+                before[there] = node
+                size = push(heap_keys, heap, size, distance, there)
     return distances, before

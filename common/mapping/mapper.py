@@ -11,71 +11,22 @@ from numpy.typing import NDArray
 from common.config.schema import MappingConfig
 from common.errors import MappingError
 from common.geometry import Pose, Scan
-from common.jit import njit
-from common.mapping.beacons import find_beacons, nearest_in_sight
+from common.mapping.adjacency import Adjacency
+from common.mapping.beacons import find_beacons
 from common.mapping.belief import Belief
-from common.mapping.distances import OFFSET_LENGTHS, shortest_paths
-from common.mapping.frontiers import Frontiers
+from common.mapping.distances import shortest_paths
+from common.mapping.frontiers import FrontierChanges, Frontiers
+from common.mapping.planning_set import Frame, anything_left, gather, sparse_edges
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
-from common.mapping.sight import CLEAR, FREE, blocker
+from common.mapping.sight import CLEAR, NOTHING_LOST, blocker
+from common.mapping.target import Target
 from common.mapping.utility import FrontierUtility
-from common.mapping.viewpoints import NODE_REACH, ViewpointGraph
-from common.observation import (
-    MAX_TARGET_LINKS,
-    MAX_VIEWPOINTS,
-    NEIGHBOUR_COUNT,
-    NEIGHBOUR_OFFSETS,
-    Observation,
-)
+from common.mapping.viewpoints import ViewpointGraph
+from common.observation import MAX_VIEWPOINTS, Observation
 
-# A known target is tied to viewpoints as far as edges reach: the longest of the 20 neighbour offsets is (2, 1).
-TARGET_REACH: Final = 5.0**0.5
 _NO_NODES: Final = np.empty(0, dtype=np.int32)
-
-
-@njit(cache=True, nogil=True)
-def _gather(
-    order: NDArray[np.int32],
-    columns: int,
-    lattice_x: NDArray[np.int64],
-    lattice_y: NDArray[np.int64],
-    edges: NDArray[np.uint32],
-    counts: NDArray[np.int32],
-    visited: NDArray[np.bool_],
-    min_utility: int,
-    least_utility: int,
-    start: int,
-) -> tuple[
-    NDArray[np.int64],
-    NDArray[np.int64],
-    NDArray[np.int16],
-    NDArray[np.uint16],
-    NDArray[np.bool_],
-    NDArray[np.uint32],
-]:
-    """Collect positions in subcells, offsets from `start`, utility, visited flags and edges of the nodes in order."""
-    n = len(order)
-    most = 0
-    for node in range(n):
-        most = max(most, counts[order[node] // columns, order[node] % columns])
-    threshold = min_utility if most >= min_utility else min(least_utility, min_utility)
-    x = np.empty(n, dtype=np.int64)
-    y = np.empty(n, dtype=np.int64)
-    offsets = np.empty((n, 2), dtype=np.int16)
-    utility = np.empty(n, dtype=np.uint16)
-    been = np.empty(n, dtype=np.bool_)
-    masks = np.empty(n, dtype=np.uint32)
-    for node in range(n):
-        j, i = order[node] // columns, order[node] % columns
-        x[node] = lattice_x[i]
-        y[node] = lattice_y[j]
-        offsets[node, 0] = i - start % columns
-        offsets[node, 1] = j - start // columns
-        count = counts[j, i]
-        utility[node] = min(count, 65535) if count >= threshold else 0
-        been[node] = visited[j, i]
-        masks[node] = edges[j, i]
-    return x, y, offsets, utility, been, masks
+_NO_EDGES: Final = Adjacency(np.zeros(1, np.int64), _NO_NODES, np.empty(0), np.empty(0, np.bool_))
+_NO_CHANGES: Final = FrontierChanges(_NO_NODES, _NO_NODES, NOTHING_LOST)
 
 
 class Mapper:
@@ -110,7 +61,7 @@ class Mapper:
         """Start with an unknown belief.
 
         Args:
-            config: resolution, ranges and spacing.
+            config: resolution, ranges, spacing and the robot's radius.
             lattice_origin: (x, y) of one point of the viewpoint lattice, metres.
             bounds: x_min, y_min, x_max, y_max that are allocated at first, metres; nothing when not given.
             target: (x, y) of the navigation target, metres.
@@ -122,16 +73,13 @@ class Mapper:
             if point is not None and not np.isfinite(point).all():
                 raise MappingError(f"{name} must be finite, got {point}: pass (x, y) in metres")
         self.belief = Belief(config.resolution, config.sensor_range, anchor=lattice_origin, bounds=bounds)
-        self.target = target
         self.frontiers_removed = 0
         self._config = config
         self._lattice_origin = lattice_origin
-        self._spacing_subcells = round(config.viewpoint_spacing / config.resolution * SUBCELLS)
         self._beacon_reach = round(config.beacon_range / config.resolution * SUBCELLS)
-        # One subcell of rounding must not cut off a viewpoint that is exactly as far as edges reach.
-        self._target_reach = int(TARGET_REACH * config.viewpoint_spacing / config.resolution * SUBCELLS) + 2
+        self._target = None if target is None else Target(target, config)
+        self._everywhere = False
         self._pose: Pose | None = None
-        self._node = -1
         self._rebuild(None)
         self._forget_nodes()
 
@@ -152,20 +100,27 @@ class Mapper:
         belief = self.belief
         if belief.generation != self._generation:
             self._rebuild(self._graph)
-        padded = belief.padded
-        cells, width = padded.reshape(-1), padded.shape[1]
         changed = belief.take_changes()
+        frontiers = _NO_CHANGES
         if changed is not None:
-            frontier_changes = self._frontiers.update(padded, changed)
-            self.frontiers_removed += len(frontier_changes.removed)
-            self._graph.update(cells, width, changed, frontier_changes.lost)
-            self._utility.update(cells, width, changed, frontier_changes)
+            frontiers = self._frontiers.update(belief.padded, changed, self._graph.layout, self._graph.dirty)
+            self.frontiers_removed += len(frontiers.removed)
+        robot = belief.subcells(pose.position)
+        self._graph.update(changed, frontiers.lost, robot, everywhere=self._everywhere)
+        self._update_utility(frontiers)
         self._pose = pose
-        self._find_node(pose, cells, width)
-        if self._node >= 0:
-            self._plan(cells, width)
-        else:
+        if self._graph.robot < 0:
             self._forget_nodes()
+            return
+        # Pieces that wait are looked into once nothing else is left; then all of them at once.
+        reached = self._graph.reachable(spare=False)
+        everywhere = not anything_left(reached[0], self._graph.pieces, self._utility.counts, self._config.least_utility)
+        if everywhere != self._everywhere:
+            self._everywhere = everywhere
+            self._graph.update(None, NOTHING_LOST, robot, everywhere=everywhere)
+            self._update_utility(_NO_CHANGES)
+        self._order, self._numbers, self._edges = self._graph.reachable() if everywhere else reached
+        self._plan()
 
     def observe(self) -> Observation:
         """Return the observation of the last update.
@@ -175,29 +130,18 @@ class Mapper:
         """
         if self._pose is None:
             raise MappingError("nothing to observe yet: call update(pose) after integrating a scan")
-        if self._node < 0:
+        if self.stuck:
             raise MappingError(
-                f"no viewpoint within {NODE_REACH * self._config.viewpoint_spacing:g} m of ({self._pose.x:.2f}, "
-                f"{self._pose.y:.2f}) can be reached in a straight free line: integrate more scans, move the robot "
-                "into free space, or use a smaller mapping.viewpoint_spacing"
+                f"({self._pose.x:.2f}, {self._pose.y:.2f}) lies in no known free space where a robot of radius "
+                f"{self._config.robot_radius:g} m fits, and none is near: integrate more scans, move the robot into "
+                "free space, or use a smaller mapping.robot_radius"
             )
-        return Observation(
-            offsets=self._offsets,
-            utility=self._useful,
-            visited=self._visited,
-            beacon=self._beacon,
-            edges=self._edges,
-            robot=self._robot,
-            has_target=self.target is not None,
-            target_known=self._target_known,
-            target_offset=self._target_offset,
-            target_links=self._target_links,
-        )
+        return self._observation
 
     @property
     def stuck(self) -> bool:
-        """Whether the last update found no viewpoint within reach of the robot, so that there is no observation."""
-        return self._node < 0
+        """Whether the last update found no clear space where the robot is, so that there is no observation."""
+        return self._robot < 0
 
     @property
     def explored_area(self) -> float:
@@ -210,9 +154,14 @@ class Mapper:
         return self._robot
 
     @property
+    def target(self) -> tuple[float, float] | None:
+        """(x, y) of the navigation target, metres, or None."""
+        return None if self._target is None else self._target.position
+
+    @property
     def target_known(self) -> bool:
         """Whether the target is known to be free and tied to viewpoints in sight; see `Observation`."""
-        return self._target_known
+        return self._target is not None and self._target.known
 
     @property
     def frontiers(self) -> NDArray[np.float64]:
@@ -222,30 +171,26 @@ class Mapper:
 
     @property
     def viewpoints(self) -> NDArray[np.float64]:
-        """Positions of the observation's viewpoints by node number, metres, shape (n, 2)."""
-        first = np.array(self._graph.first)
-        columns = max(self._graph.exists.shape[1], 1)
-        steps = np.stack([self._order % columns, self._order // columns], axis=1) + first
-        return np.array(self._lattice_origin) + steps * self._config.viewpoint_spacing
+        """Positions of the observation's viewpoints by node number, metres, shape (n, 2); a copy."""
+        return self._positions.copy()
 
     @property
     def edges(self) -> NDArray[np.int64]:
         """Edges of the observation as pairs of node numbers, the lower first, shape (m, 2)."""
-        if self._node < 0:
-            return np.empty((0, 2), dtype=np.int64)
-        columns = self._graph.exists.shape[1]
-        pairs = []
-        for k in range(NEIGHBOUR_COUNT // 2, NEIGHBOUR_COUNT):
-            dx, dy = int(NEIGHBOUR_OFFSETS[k, 0]), int(NEIGHBOUR_OFFSETS[k, 1])
-            nodes = np.flatnonzero(self._edges >> np.uint32(k) & np.uint32(1))
-            pairs.append(np.stack([nodes, self._numbers[self._order[nodes] + dy * columns + dx]], axis=1))
-        return np.concatenate(pairs).astype(np.int64)
+        lower = np.repeat(np.arange(len(self._order)), np.diff(self._edges.pointer))
+        pairs = np.stack([lower, self._edges.neighbours], axis=1).astype(np.int64)
+        return pairs[pairs[:, 0] < pairs[:, 1]]
+
+    @property
+    def adjacency(self) -> Adjacency:
+        """The edges of the observation's viewpoints as rows of neighbours, with their lengths in metres."""
+        return self._edges
 
     @property
     def beacons(self) -> NDArray[np.float64]:
         """Positions of the beacons in node order, a known target last, metres, shape (m, 2)."""
-        positions = self.viewpoints[self._beacon]
-        return np.concatenate([positions, [self.target]]) if self._target_known else positions
+        positions = self._positions[self._observation.beacon] if not self.stuck else np.empty((0, 2))
+        return np.concatenate([positions, [self.target]]) if self.target_known else positions
 
     def position(self, node: int) -> tuple[float, float]:
         """Return the position of a node of the last update, metres; number n is the target.
@@ -254,25 +199,61 @@ class Mapper:
             MappingError: there is no such node.
         """
         n = len(self._order)
-        if node == n and self.target is not None and self._node >= 0:
+        if node == n and self.target is not None and not self.stuck:
             return self.target
         self._check_node(node, n)
-        columns = self._graph.exists.shape[1]
-        index = int(self._order[node])
-        return (
-            self._lattice_origin[0] + (index % columns + self._graph.first[0]) * self._config.viewpoint_spacing,
-            self._lattice_origin[1] + (index // columns + self._graph.first[1]) * self._config.viewpoint_spacing,
-        )
+        x, y = self._positions[node]
+        return float(x), float(y)
+
+    def way(self, a: int, b: int) -> list[tuple[float, float]]:
+        """Return where to drive from a node to a neighbour: the corners of the edge and the neighbour, metres.
+
+        Raises:
+            MappingError: a node does not exist, or no edge joins the two.
+        """
+        n = len(self._order)
+        self._check_node(a, n)
+        goal = self.position(b)
+        if b == n:
+            assert self._target is not None
+            return [*self._metres(self._target.way(self._graph, int(self._order[a]))[1:-1]), goal]
+        row = slice(int(self._edges.pointer[a]), int(self._edges.pointer[a + 1]))
+        place = np.flatnonzero(self._edges.neighbours[row] == b)
+        if not len(place):
+            raise MappingError(f"no edge joins nodes {a} and {b}: ask for the ways between neighbours, as `path` does")
+        if not self._edges.bent[row][place[0]]:
+            return [goal]
+        corners = self._graph.way(int(self._order[a]), int(self._order[b]))
+        return [*self._metres(corners[1:-1]), goal]
+
+    def way_home(self) -> list[tuple[float, float]]:
+        """Return where to drive from the pose of the last update to the robot's viewpoint, that included, metres.
+
+        Raises:
+            MappingError: the robot is stuck.
+        """
+        self.observe()
+        assert self._pose is not None
+        goal = self.position(self._robot)
+        if self.segment_free(self._pose.position, goal):
+            return [goal]
+        graph = self._graph
+        place = graph.pieces[graph.robot]
+        here = self.belief.subcells(self._pose.position)
+        corners = graph.way_within(graph.robot, here, (int(place["x"]), int(place["y"])))
+        return [*self._metres(corners[1:-1]), goal]
 
     def segment_free(self, a: tuple[float, float], b: tuple[float, float]) -> bool:
-        """Whether all cells that the straight segment between two positions touches are known to be free."""
+        """Whether the robot can drive straight from one position to another: all cells that the segment touches are
+        known to be free, and each of their points is at least the robot's radius from all that is not.
+        """
         rows, columns = self.belief.shape
         points = (*self.belief.subcells(a), *self.belief.subcells(b))
         for x, y in (points[:2], points[2:]):
             if not (1 <= x >> SUBCELL_BITS <= columns and 1 <= y >> SUBCELL_BITS <= rows):
                 return False
-        padded = self.belief.padded
-        return bool(blocker(padded.reshape(-1), padded.shape[1], *points) == CLEAR)
+        cells = self._graph.cells
+        return bool(blocker(cells.clear, cells.width, *points) == CLEAR)
 
     def distances(self, from_node: int) -> NDArray[np.float64]:
         """Return the distance of every node from a viewpoint over edges, metres, shape (nodes,).
@@ -306,19 +287,23 @@ class Mapper:
             MappingError: `from_node` is not a viewpoint of the last update.
         """
         self._check_node(from_node, len(self._order))
-        spacing = self._config.viewpoint_spacing
-        distances, before = shortest_paths(
-            self._graph.edges, NEIGHBOUR_OFFSETS, OFFSET_LENGTHS, self._order, self._numbers, from_node, spacing
-        )
-        if self.target is None:
+        edges = self._edges
+        distances, before = shortest_paths(edges.pointer, edges.neighbours, edges.lengths, from_node)
+        if self._target is None:
             return distances, before
-        best, link = np.inf, -1
-        for node in self._target_links:
-            x, y = self.position(int(node))
-            length = distances[node] + float(np.hypot(self.target[0] - x, self.target[1] - y))
-            if length < best:
-                best, link = length, int(node)
-        return np.append(distances, best), np.append(before, np.int32(link))
+        ways = distances[self._target.links] + self._target.lengths
+        best = int(np.argmin(ways)) if len(ways) else -1
+        length, link = (ways[best], self._target.links[best]) if best >= 0 and np.isfinite(ways[best]) else (np.inf, -1)
+        return np.append(distances, length), np.append(before, np.int32(link))
+
+    def sightings(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        """Return the frontier cells that each viewpoint observes, those of one viewpoint behind the other's.
+
+        Returns:
+            First entry of each viewpoint, then their number, int64, shape (n + 1,); and cells as flat numbers of the
+            belief's padded grid, int32.
+        """
+        return self._utility.sightings(self._numbers, len(self._order))
 
     def _check_node(self, node: int, count: int) -> None:
         if not 0 <= node < count:
@@ -328,84 +313,72 @@ class Mapper:
 
     def _rebuild(self, previous: ViewpointGraph | None) -> None:
         """Start anew on a belief that was allocated anew: all of it counts as changed."""
-        spacing = self._config.viewpoint_spacing
+        config = self._config
         self._generation = self.belief.generation
         self._origin = np.array(self.belief.origin)
         self._frontiers = Frontiers(self.belief)
-        self._graph = ViewpointGraph(self.belief, self._lattice_origin, spacing, previous)
-        self._utility = FrontierUtility(self.belief, self._graph, self._config.observable_range, spacing)
+        self._graph = ViewpointGraph(
+            self.belief, self._lattice_origin, config.viewpoint_spacing, config.robot_radius, previous
+        )
+        self._utility = FrontierUtility(self.belief, self._graph, config.observable_range, config.viewpoint_spacing)
+        self._frame = Frame(
+            *self._lattice_origin, *self._graph.first, config.viewpoint_spacing, *self.belief.origin, config.resolution
+        )
 
-    def _find_node(self, pose: Pose, cells: NDArray[np.int8], width: int) -> None:
-        x, y = self.belief.subcells(pose.position)
-        rows, columns = self.belief.shape
-        inside = 1 <= x >> SUBCELL_BITS <= columns and 1 <= y >> SUBCELL_BITS <= rows
-        self._node = self._graph.robot_node(cells, width, x, y) if inside else -1
-        if self._node >= 0:
-            j, i = divmod(self._node, self._graph.exists.shape[1])
-            dx, dy = int(self._graph.x[i]) - x, int(self._graph.y[j]) - y
-            if 4 * (dx * dx + dy * dy) <= self._spacing_subcells**2:
-                self._graph.visited[j, i] = True
+    def _update_utility(self, frontiers: FrontierChanges) -> None:
+        padded = self.belief.padded
+        self._utility.update(padded.reshape(-1), padded.shape[1], frontiers)
 
-    def _plan(self, cells: NDArray[np.int8], width: int) -> None:
+    def _plan(self) -> None:
         """Number the nodes, collect the planning set and choose the beacons."""
         graph, config = self._graph, self._config
-        self._order, self._numbers = graph.number_reachable(self._node)
         if len(self._order) > MAX_VIEWPOINTS:
             raise MappingError(
                 f"{len(self._order)} viewpoints are reachable, an observation holds {MAX_VIEWPOINTS}: "
                 "raise mapping.viewpoint_spacing"
             )
-        self._robot = int(self._numbers[self._node])
-        x, y, self._offsets, self._useful, self._visited, self._edges = _gather(
-            self._order,
-            graph.exists.shape[1],
-            graph.x,
-            graph.y,
-            graph.edges,
-            self._utility.counts,
-            graph.visited,
-            config.min_utility,
-            config.least_utility,
-            self._node,
+        self._robot = int(self._numbers[graph.robot])
+        x, y, self._positions, offsets, utility, visited = gather(
+            self._order, graph.pieces, graph.layout, self._utility.counts, config.min_utility, config.least_utility,
+            self._robot, self._frame,
+        )  # fmt: skip
+        padded = self.belief.padded
+        cells, width = padded.reshape(-1), padded.shape[1]
+        beacon = find_beacons(cells, width, x, y, utility > 0, self._beacon_reach)
+        degree, neighbours, bent, bent_length = sparse_edges(
+            self._edges.pointer, self._edges.neighbours, self._edges.lengths, self._edges.bent, config.viewpoint_spacing
         )
-        self._beacon = find_beacons(cells, width, x, y, self._useful > 0, self._beacon_reach)
-        if self.target is not None:
-            self._tie_target(self.target, cells, width, x, y)
+        target = self._target
+        if target is not None:
+            target.tie(self.belief, graph, self._numbers, x, y, beacon)
+            links, offset = target.links.astype(np.uint16), target.offset(self.position(self._robot))
+        else:
+            links, offset = np.empty(0, dtype=np.uint16), np.zeros(2, dtype=np.float32)
+        self._observation = Observation(
+            offsets=offsets,
+            utility=utility,
+            visited=visited,
+            beacon=beacon,
+            degree=degree,
+            neighbours=neighbours,
+            bent=bent,
+            bent_length=bent_length,
+            robot=self._robot,
+            has_target=target is not None,
+            target_known=target is not None and target.known,
+            target_offset=offset,
+            target_links=links,
+        )
 
-    def _tie_target(
-        self,
-        target: tuple[float, float],
-        cells: NDArray[np.int8],
-        width: int,
-        x: NDArray[np.int64],
-        y: NDArray[np.int64],
-    ) -> None:
-        """Link the target with the viewpoints in sight, or with the nearest beacons while there are none."""
-        robot_x, robot_y = self.position(self._robot)
-        spacing = self._config.viewpoint_spacing
-        self._target_offset = np.array(
-            [(target[0] - robot_x) / spacing, (target[1] - robot_y) / spacing], dtype=np.float32
-        )
-        target_x, target_y = self.belief.subcells(target)
-        links = np.empty(0, dtype=np.int64)
-        if self.belief.at(target) == FREE:
-            links = nearest_in_sight(cells, width, x, y, target_x, target_y, self._target_reach, MAX_TARGET_LINKS)
-        self._target_known = len(links) > 0
-        if not self._target_known:
-            beacons = np.flatnonzero(self._beacon)
-            far = (x[beacons] - target_x) ** 2 + (y[beacons] - target_y) ** 2
-            links = np.sort(beacons[np.argsort(far, kind="stable")[:MAX_TARGET_LINKS]])
-        self._target_links = links.astype(np.uint16)
+    def _metres(self, points: NDArray[np.int64]) -> list[tuple[float, float]]:
+        places = (points / SUBCELLS - 1.0) * self.belief.resolution + self._origin
+        return [(float(x), float(y)) for x, y in places]
 
     def _forget_nodes(self) -> None:
         self._robot = -1
         self._order = _NO_NODES
-        self._numbers = _NO_NODES
-        self._offsets = np.empty((0, 2), dtype=np.int16)
-        self._useful = np.empty(0, dtype=np.uint16)
-        self._visited = np.empty(0, dtype=np.bool_)
-        self._beacon = np.empty(0, dtype=np.bool_)
-        self._edges = np.empty(0, dtype=np.uint32)
-        self._target_known = False
-        self._target_offset = np.zeros(2, dtype=np.float32)
-        self._target_links = np.empty(0, dtype=np.uint16)
+        self._numbers = np.full(self._graph.used, -1, dtype=np.int32)
+        self._edges = _NO_EDGES
+        self._positions = np.empty((0, 2))
+        if self._target is not None:
+            self._target.forget()

@@ -25,6 +25,8 @@ CLEAR: Final = -1
 
 # Cells of the padded grid: first row, last row, first column, last column, all included.
 Box = tuple[int, int, int, int]
+# The box of lost cells when there are none.
+NOTHING_LOST: Final[Box] = (0, -1, 0, -1)
 
 _FRACTION: Final = SUBCELLS - 1
 

@@ -1,197 +1,392 @@
-"""The viewpoint graph: lattice points in free cells, edges in line of sight, and what the robot can reach of it."""
+"""The viewpoint graph: a viewpoint for each piece of clear space inside a lattice square, and the ways between them.
+
+Wherever a disc of the robot's radius can get to through known free space, the graph leads: pieces that touch are
+joined, and a piece is connected in itself. On block maps and for a robot without size this is the plain lattice.
+"""
 
 from __future__ import annotations
 
-from math import ceil, floor
-from typing import Final
+from math import ceil
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.jit import njit
+from common.mapping.adjacency import Adjacency, reach
 from common.mapping.belief import Belief
+from common.mapping.candidates import forget_pairs, list_pairs, most_pairs, update_pairs
+from common.mapping.clearance import Clearance, passable
+from common.mapping.pieces import (
+    NOWHERE,
+    PIECE,
+    Cells,
+    best_place,
+    centre_label,
+    label_square,
+    piece_at,
+    survey,
+)
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
-from common.mapping.sight import CLEAR, FREE, Box, blocker, may_touch
-from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS
+from common.mapping.sight import CLEAR, NOTHING_LOST, Box, blocker
+from common.mapping.squares import Layout, lay_out
+from common.mapping.touches import find_touches, measure_ways
+from common.mapping.ways import way_between, way_inside
 
-# Edges are symmetric (the reverse of bit k is bit 19 - k), so blocking cells are kept for the second half of the bits.
-HALF: Final = NEIGHBOUR_COUNT // 2
-UNTESTED: Final = -1
-# The robot's node is looked for within this many spacings.
-NODE_REACH: Final = 3.0
+# The longest straight edge, spacings: on a lattice, the 20 nearest viewpoints lie within it.
+LONGEST_EDGE: Final = 5.0**0.5
+# Space around a viewpoint beside its lattice point that counts, metres.
+PLACE_MARGIN: Final = 0.5
+# A robot beside clear space is taken to the nearest clear cell within this, metres beyond its radius.
+MARGIN_REACH: Final = 0.5
+Pairs = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
+Touches = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]
+_NO_PIECES: Final = np.zeros(0, dtype=np.int32)
 
 
 @njit(cache=True, nogil=True)
-def _update_edges(
-    cells: NDArray[np.int8],
-    width: int,
-    lattice_x: NDArray[np.int64],
-    lattice_y: NDArray[np.int64],
-    offsets: NDArray[np.int16],
-    exists: NDArray[np.bool_],
-    edges: NDArray[np.uint32],
-    blockers: NDArray[np.int32],
+def _label_dirty(cells: Cells, layout: Layout, dirty: NDArray[np.bool_], counts: NDArray[np.int32]) -> int:
+    """Number the pieces of all dirty squares; write how many each has; return how many they have together."""
+    rows, columns = dirty.shape
+    stack = np.empty(_largest(layout.row_begin) * _largest(layout.column_begin), dtype=np.int32)
+    total = 0
+    for j in range(rows):
+        for i in range(columns):
+            if dirty[j, i]:
+                counts[j, i] = label_square(cells, layout, j, i, stack)
+                total += counts[j, i]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _largest(begin: NDArray[np.int64]) -> int:
+    most = 1
+    for k in range(len(begin) - 1):
+        most = max(most, begin[k + 1] - begin[k])
+    return most
+
+
+@njit(cache=True, nogil=True)
+def _settle(
+    cells: Cells,
+    layout: Layout,
+    pieces: Any,
+    first_of: NDArray[np.int32],
+    dirty: NDArray[np.bool_],
+    counts: NDArray[np.int32],
+    free: NDArray[np.int32],
+    free_count: int,
+    margin: int,
+    gone: NDArray[np.int32],
+) -> tuple[int, int]:
+    """Make the pieces of all dirty squares anew; one whose viewpoint stays where it was stays the piece that it was.
+
+    Args:
+        cells: of the belief, labelled.
+        layout: of the squares.
+        pieces: all pieces.
+        first_of: first piece of each square.
+        dirty: squares to look at.
+        counts: number of pieces of each square.
+        free: numbers of pieces that are not in use, a stack; there are enough.
+        free_count: height of the stack.
+        margin: space around a place that counts at most, cells.
+        gone: receives the pieces that are no more.
+
+    Returns:
+        Height of the stack, and how many pieces are gone.
+    """
+    rows, columns = dirty.shape
+    gone_count = 0
+    most = 1
+    for j in range(rows):
+        for i in range(columns):
+            if dirty[j, i]:
+                most = max(most, counts[j, i] + 1)
+    first_cell = np.empty(most, dtype=np.int32)
+    visited = np.empty(most, dtype=np.bool_)
+    for j in range(rows):
+        for i in range(columns):
+            if not dirty[j, i]:
+                continue
+            square = j * columns + i
+            old = first_of[square]
+            count = counts[j, i]
+            first_of[square] = NOWHERE
+            if count:
+                first_cell[: count + 1] = -1
+                visited[: count + 1] = False
+                settled = survey(cells, layout, j, i, first_cell, visited)
+                centre = centre_label(cells, layout, j, i)
+                last = NOWHERE
+                for label in range(1, count + 1):
+                    x, y = np.int64(NOWHERE), np.int64(NOWHERE)
+                    waits = not (settled or label == centre)
+                    if label == centre:
+                        x, y = layout.x[i], layout.y[j]
+                    elif settled or visited[label]:
+                        x, y = best_place(cells, layout, j, i, label, margin)
+                    # The same viewpoint as before, if there was one at this place.
+                    before, piece = NOWHERE, old
+                    while piece >= 0 and (x < 0 or pieces[piece].x != x or pieces[piece].y != y):
+                        before, piece = piece, pieces[piece].next
+                    if piece >= 0:
+                        after = pieces[piece].next
+                        if before < 0:
+                            old = after
+                        else:
+                            pieces[before].next = after
+                    else:
+                        free_count -= 1
+                        piece = free[free_count]
+                        pieces[piece].exists = False
+                        pieces[piece].listed = False
+                    p = pieces[piece]
+                    p.x, p.y, p.square, p.label, p.next = x, y, square, label, NOWHERE
+                    p.cell, p.alive, p.centred, p.waits = first_cell[label], True, label == centre, waits
+                    p.visited = visited[label]
+                    if last < 0:
+                        first_of[square] = piece
+                    else:
+                        pieces[last].next = piece
+                    last = piece
+            while old >= 0:
+                pieces[old].alive = False
+                gone[gone_count] = old
+                gone_count += 1
+                old = pieces[old].next
+    return free_count, gone_count
+
+
+@njit(cache=True, nogil=True)
+def _choose(
+    cells: Cells,
+    layout: Layout,
+    pieces: Any,
+    used: int,
+    touch_count: NDArray[np.int32],
+    touch_other: NDArray[np.int32],
+    robot: int,
+    everywhere: bool,
+    margin: int,
+    fresh: NDArray[np.int32],
+    ended: NDArray[np.int32],
+) -> tuple[int, int]:
+    """Decide which pieces have a viewpoint, and give those that are new a place; see `ViewpointGraph`.
+
+    Args:
+        cells: of the belief.
+        layout: of the squares.
+        pieces: all pieces; brought up to date.
+        used: how many of them are in use at most.
+        touch_count: see `find_touches`.
+        touch_other: see `find_touches`.
+        robot: piece where the robot stands, -1 for none.
+        everywhere: no piece waits.
+        margin: space around a place that counts at most, cells.
+        fresh: receives the pieces whose viewpoint is new, int32.
+        ended: receives the living pieces whose viewpoint ends, int32.
+
+    Returns:
+        How many of either.
+    """
+    columns = len(layout.x)
+    beside = np.zeros(used, dtype=np.bool_)
+    for piece in range(used):
+        if not pieces[piece].alive:
+            continue
+        for side in range(2):
+            for k in range(touch_count[piece, side]):
+                there = touch_other[piece, side, k]
+                if pieces[piece].visited:
+                    beside[there] = True
+                if pieces[there].visited:
+                    beside[piece] = True
+    fresh_count = ended_count = 0
+    for piece in range(used):
+        p = pieces[piece]
+        if not p.alive:
+            continue
+        needed = not p.waits or p.visited or beside[piece] or piece == robot
+        exists = needed or everywhere
+        p.spare = not needed
+        if exists and not p.exists:
+            if p.x < 0:
+                square = p.square
+                x, y = best_place(cells, layout, square // columns, square % columns, p.label, margin)
+                p.x, p.y = x, y
+            fresh[fresh_count] = piece
+            fresh_count += 1
+        elif p.exists and not exists:
+            ended[ended_count] = piece
+            ended_count += 1
+        p.exists = exists
+    return fresh_count, ended_count
+
+
+@njit(cache=True, nogil=True)
+def _piece_of(cells: Cells, layout: Layout, pieces: Any, first_of: NDArray[np.int32], x: int, y: int, most: int) -> int:
+    """Return the piece that holds a point, or the nearest clear cell that the point sees; -1 for none."""
+    row, column = y >> SUBCELL_BITS, x >> SUBCELL_BITS
+    if not (1 <= row < len(cells.clear) // cells.width - 1 and 1 <= column < cells.width - 1):
+        return NOWHERE
+    cell = row * cells.width + column
+    if not cells.labels[cell]:
+        cell = _nearest_clear(cells, x, y, most)
+    return piece_at(pieces, first_of, cells, layout, cell) if cell >= 0 else NOWHERE
+
+
+@njit(cache=True, nogil=True)
+def _locate(
+    cells: Cells,
+    layout: Layout,
+    pieces: Any,
+    first_of: NDArray[np.int32],
+    robot: tuple[int, int],
+    most: int,
+    visit_reach: int,
+    margin: int,
+) -> int:
+    """Return the robot's piece; note that the robot has been there when it is near enough to the viewpoint."""
+    x, y = robot
+    piece = _piece_of(cells, layout, pieces, first_of, x, y, most)
+    if piece < 0:
+        return piece
+    p = pieces[piece]
+    if p.x < 0:
+        columns = len(layout.x)
+        p.x, p.y = best_place(cells, layout, p.square // columns, p.square % columns, p.label, margin)
+    if not p.visited and (p.x - x) ** 2 + (p.y - y) ** 2 <= visit_reach * visit_reach:
+        p.visited = True
+        cells.been[(p.y >> SUBCELL_BITS) * cells.width + (p.x >> SUBCELL_BITS)] = True
+    return piece
+
+
+@njit(cache=True, nogil=True)
+def _renew_viewpoints(
+    cells: Cells,
+    layout: Layout,
+    pieces: Any,
+    first_of: NDArray[np.int32],
+    renew: bool,
+    dirty: NDArray[np.bool_],
+    counts: NDArray[np.int32],
+    free: NDArray[np.int32],
+    free_count: int,
+    margin: int,
+    robot: tuple[int, int],
+    clear_reach: int,
+    visit_reach: int,
+    everywhere: bool,
+    pairs: Pairs,
+    touches: Touches,
+) -> tuple[int, NDArray[np.int32], int, NDArray[np.int32], NDArray[np.int32], int]:
+    """Settle the dirty squares, find the robot, choose the viewpoints, and take those that are no more off the lists.
+
+    Returns:
+        Height of the stack of free numbers, the pieces that are no more, the robot's piece, the pieces of new viewpoints
+        and of ended ones, and how long a list of pairs can become.
+    """
+    used = len(pieces)
+    touch_count, touched, length = touches
+    gone = np.empty(used, dtype=np.int32)
+    gone_count = 0
+    if renew:
+        free_count, gone_count = _settle(cells, layout, pieces, first_of, dirty, counts, free, free_count, margin, gone)
+        find_touches(cells, pieces, first_of, layout, dirty, touch_count, touched, length)
+        dirty[:] = False
+    here = _locate(cells, layout, pieces, first_of, robot, clear_reach, visit_reach, margin)
+    fresh = np.empty(used, dtype=np.int32)
+    ended = np.empty(used + gone_count, dtype=np.int32)
+    fresh_count, ended_count = _choose(
+        cells, layout, pieces, used, touch_count, touched, here, everywhere, margin, fresh, ended
+    )
+    for k in range(gone_count):
+        if pieces[gone[k]].exists:
+            pieces[gone[k]].exists = False
+            ended[ended_count] = gone[k]
+            ended_count += 1
+    forget_pairs(pieces, first_of, layout, ended[:ended_count], pairs[0], pairs[1], pairs[2])
+    most = most_pairs(pieces, first_of, layout, fresh[:fresh_count])
+    return free_count, gone[:gone_count].copy(), here, fresh[:fresh_count].copy(), ended[:ended_count].copy(), most
+
+
+@njit(cache=True, nogil=True)
+def _renew_edges(
+    cells: Cells,
+    layout: Layout,
+    pieces: Any,
+    first_of: NDArray[np.int32],
     changed: Box,
     lost: Box,
-) -> None:
-    """Bring viewpoints and edges up to date around a box of changed cells.
+    edge_reach: int,
+    pairs: Pairs,
+    touches: Touches,
+    fresh: NDArray[np.int32],
+    ended: NDArray[np.int32],
+    box: Box,
+) -> Box:
+    """Bring the edges up to date for a box of cells of another clearance, and for viewpoints that are new.
 
-    An edge that is blocked stays so while its remembered blocking cell is not free; one that is there stays while no
-    cell near it was lost. Only the others are tested.
-
-    Args:
-        cells: padded grid, flat, int8.
-        width: its cells per row.
-        lattice_x: x of the lattice's columns, subcells, int64, ascending.
-        lattice_y: y of the lattice's rows, likewise.
-        offsets: the 20 neighbour offsets (dx, dy).
-        exists: lattice points that are viewpoints, bool, shape (rows, columns); brought up to date.
-        edges: 20-bit masks, uint32, same shape; brought up to date.
-        blockers: blocking cell of the half edges or UNTESTED, int32, shape (rows, columns, 10).
-        changed: box of all cells that changed.
-        lost: box of the cells that are free no more; its second number is -1 when there are none.
+    Returns:
+        A box of cells around ``box``, empty where its second number is -1, and around viewpoints that came or went.
     """
-    rows, columns = exists.shape
-    any_lost = lost[1] >= 0
-    # Lattice points whose cell lies in the box.
-    j_low = int(np.searchsorted(lattice_y, changed[0] * SUBCELLS))
-    j_high = int(np.searchsorted(lattice_y, (changed[1] + 1) * SUBCELLS))
-    i_low = int(np.searchsorted(lattice_x, changed[2] * SUBCELLS))
-    i_high = int(np.searchsorted(lattice_x, (changed[3] + 1) * SUBCELLS))
-    for j in range(j_low, j_high):
-        for i in range(i_low, i_high):
-            exists[j, i] = cells[(lattice_y[j] >> SUBCELL_BITS) * width + (lattice_x[i] >> SUBCELL_BITS)] == FREE
-    # Every edge that can touch a cell of the box; a point on the upper border of the box still touches it.
-    for j in range(max(j_low - 2, 0), min(j_high + 1, rows)):
-        for i in range(max(i_low - 2, 0), min(i_high + 3, columns)):
-            for k in range(HALF):
-                bit = np.uint32(1) << np.uint32(HALF + k)
-                is_edge = (edges[j, i] & bit) != 0
-                to_i = i + offsets[HALF + k, 0]
-                to_j = j + offsets[HALF + k, 1]
-                if not (0 <= to_i < columns and to_j < rows):
-                    continue
-                found = UNTESTED
-                if exists[j, i] and exists[to_j, to_i]:
-                    x0, y0, x1, y1 = lattice_x[i], lattice_y[j], lattice_x[to_i], lattice_y[to_j]
-                    if is_edge:
-                        if not (any_lost and may_touch(x0, y0, x1, y1, lost)):
-                            continue
-                    elif blockers[j, i, k] != UNTESTED and cells[blockers[j, i, k]] != FREE:
-                        continue
-                    found = blocker(cells, width, x0, y0, x1, y1)
-                    if found == CLEAR:
-                        edges[j, i] |= bit
-                        edges[to_j, to_i] |= np.uint32(1) << np.uint32(HALF - 1 - k)
-                        continue
-                elif not is_edge:
-                    continue
-                blockers[j, i, k] = found
-                if is_edge:
-                    edges[j, i] &= ~bit
-                    edges[to_j, to_i] &= ~(np.uint32(1) << np.uint32(HALF - 1 - k))
+    count, other, state = pairs
+    if changed[1] >= 0:
+        update_pairs(cells, pieces, first_of, layout, changed, lost, count, other, state)
+    list_pairs(cells, pieces, first_of, layout, fresh, edge_reach, count, other, state)
+    touch_count, touched, length = touches
+    measure_ways(cells, pieces, len(pieces), layout, count, other, state, touch_count, touched, length)
+    for moved in (fresh, ended):
+        for piece in moved:
+            row, column = pieces[piece].y >> SUBCELL_BITS, pieces[piece].x >> SUBCELL_BITS
+            if box[1] < 0:
+                box = (row, row, column, column)
+            else:
+                box = (min(box[0], row), max(box[1], row), min(box[2], column), max(box[3], column))
+    return box
 
 
 @njit(cache=True, nogil=True)
-def _robot_node(
-    cells: NDArray[np.int8],
-    width: int,
-    lattice_x: NDArray[np.int64],
-    lattice_y: NDArray[np.int64],
-    exists: NDArray[np.bool_],
-    edges: NDArray[np.uint32],
-    x: int,
-    y: int,
-    reach: int,
-) -> int:
-    """Return the flat lattice index of the robot's node, or -1; see `ViewpointGraph.robot_node`."""
-    rows, columns = exists.shape
-    best = -1
-    best_distance = np.int64(0)
-    best_has_edges = False
-    for j in range(np.searchsorted(lattice_y, y - reach), rows):
-        if lattice_y[j] > y + reach:
-            break
-        for i in range(np.searchsorted(lattice_x, x - reach), columns):
-            if lattice_x[i] > x + reach:
-                break
-            if not exists[j, i]:
+def _nearest_clear(cells: Cells, x: int, y: int, most: int) -> int:
+    """Return the nearest passable cell whose middle a point sees through free space, flat, -1 when there is none."""
+    width = cells.width
+    height = len(cells.clear) // width
+    row, column = y >> SUBCELL_BITS, x >> SUBCELL_BITS
+    best, best_far = -1, np.int64(0)
+    for r in range(max(row - most, 1), min(row + most, height - 2) + 1):
+        for c in range(max(column - most, 1), min(column + most, width - 2) + 1):
+            if not passable(cells.clear[r * width + c]):
                 continue
-            dx, dy = lattice_x[i] - x, lattice_y[j] - y
-            distance = dx * dx + dy * dy
-            has_edges = edges[j, i] != 0
-            if distance > reach * reach or (
-                best >= 0
-                and (has_edges < best_has_edges or (has_edges == best_has_edges and distance >= best_distance))
-            ):
-                continue
-            same_cell = (
-                lattice_x[i] >> SUBCELL_BITS == x >> SUBCELL_BITS and lattice_y[j] >> SUBCELL_BITS == y >> SUBCELL_BITS
-            )
-            if same_cell or blocker(cells, width, x, y, lattice_x[i], lattice_y[j]) == CLEAR:
-                best = j * columns + i
-                best_distance = distance
-                best_has_edges = has_edges
+            to_x = (c << SUBCELL_BITS) + SUBCELLS // 2
+            to_y = (r << SUBCELL_BITS) + SUBCELLS // 2
+            far = (to_x - x) ** 2 + (to_y - y) ** 2
+            if (best < 0 or far < best_far) and blocker(cells.belief, width, x, y, to_x, to_y) == CLEAR:
+                best, best_far = r * width + c, far
     return best
-
-
-@njit(cache=True, nogil=True)
-def _number_reachable(
-    edges: NDArray[np.uint32], offsets: NDArray[np.int16], start: int, numbers: NDArray[np.int32]
-) -> NDArray[np.int32]:
-    """Number the viewpoints that edges connect with `start`, row-major, and return their flat lattice indices.
-
-    Args:
-        edges: 20-bit masks, uint32, shape (rows, columns).
-        offsets: the 20 neighbour offsets (dx, dy).
-        start: flat lattice index.
-        numbers: receives the node number of every lattice point, -1 where it has none, int32, shape (rows * columns,).
-    """
-    rows, columns = edges.shape
-    numbers[:] = -1
-    stack = np.empty(rows * columns, dtype=np.int32)
-    stack[0] = start
-    numbers[start] = 0
-    size = 1
-    total = 1
-    row_low = row_high = start // columns
-    while size:
-        size -= 1
-        here = stack[size]
-        mask = edges[here // columns, here % columns]
-        for k in range(NEIGHBOUR_COUNT):
-            if (mask >> np.uint32(k)) & np.uint32(1):
-                there = here + offsets[k, 1] * columns + offsets[k, 0]
-                if numbers[there] < 0:
-                    numbers[there] = 0
-                    stack[size] = there
-                    size += 1
-                    total += 1
-                    row = there // columns
-                    row_low, row_high = min(row_low, row), max(row_high, row)
-    order = np.empty(total, dtype=np.int32)
-    n = 0
-    for index in range(row_low * columns, (row_high + 1) * columns):
-        if numbers[index] == 0:
-            numbers[index] = n
-            order[n] = index
-            n += 1
-    return order
 
 
 class ViewpointGraph:
     """All viewpoints of one generation of the belief and their edges, kept up to date where the belief changed.
 
-    Lattice points are ``lattice_origin + spacing * (i, j)``; the arrays hold those in the belief's grid, one row for
-    each j, one column for each i.
+    The lattice parts the plane into squares with a lattice point in the middle of each. Every connected piece of clear
+    space inside a square has one viewpoint: at the lattice point where that is clear, else at the piece's best place.
+    Pieces that touch are joined by a way inside both; viewpoints within sqrt(5) spacings and two squares of each other
+    by a straight edge, where the line between them is clear.
+
+    At the rim of known space squares are seen in part, and a piece of such a square is seldom what it will be. So a
+    piece waits for its lattice point while its square is partly unknown and no wall was seen in it, as long as the
+    robot has not been next door: from there it would have seen the lattice point, if there were a way to it.
 
     Attributes:
-        x: of each lattice column, subcells of the padded grid, int64, ascending.
-        y: of each lattice row, likewise.
-        first: numbers (i, j) of the lattice point at row 0, column 0; unlike array indices they outlive a growth.
-        exists: lattice points that are viewpoints, bool, shape (rows, columns).
-        edges: 20-bit masks over `NEIGHBOUR_OFFSETS`, uint32, same shape; symmetric.
-        visited: lattice points where the robot has been, bool, same shape.
+        layout: the squares.
+        first: numbers (i, j) of the lattice point of square (0, 0); unlike array indices they outlive a growth.
+        pieces: all pieces, of dtype `PIECE`.
+        robot: the piece in which the robot stands, -1 when it stands in none and sees none near; its viewpoint exists.
+        dirty: squares that an update has to look at, bool, shape (rows, columns); set by whoever knows of changes.
+        fresh: pieces whose viewpoint is new since the update before, int32.
+        ended: pieces whose viewpoint is no more, likewise.
+        changed: box of cells around all of them and around all changes; its second number is -1 without any.
     """
 
     def __init__(
@@ -199,63 +394,173 @@ class ViewpointGraph:
         belief: Belief,
         lattice_origin: tuple[float, float],
         spacing: float,
+        radius: float = 0.0,
         previous: ViewpointGraph | None = None,
     ) -> None:
-        """Lay the lattice over the belief's grid; viewpoints and edges appear with the first update.
+        """Lay the squares over the belief's grid; viewpoints and edges appear with the first update.
 
         Args:
             belief: its grid as it is allocated now.
             lattice_origin: (x, y) of one lattice point, metres.
-            spacing: between neighbouring points, metres.
-            previous: graph of an earlier generation of the belief, from which the visited flags are taken over.
+            spacing: between neighbouring lattice points, metres.
+            radius: of the robot, metres, 0 allowed.
+            previous: graph of an earlier generation of the belief, which knows where the robot has been.
         """
-        rows, columns = belief.shape
-        self.x, i = _axis(belief, lattice_origin, spacing, 0, columns)
-        self.y, j = _axis(belief, lattice_origin, spacing, 1, rows)
-        self.first = (i, j)
-        shape = (len(self.y), len(self.x))
-        self.exists = np.zeros(shape, dtype=np.bool_)
-        self.edges = np.zeros(shape, dtype=np.uint32)
-        self.visited = np.zeros(shape, dtype=np.bool_)
+        self.layout, self.first = lay_out(belief, lattice_origin, spacing)
+        self._clearance = Clearance(belief, radius)
+        shape = belief.padded.shape
+        been = np.zeros(shape, dtype=np.bool_)
+        self._first_cell = belief.first_cell
         if previous is not None:
-            down, right = previous.first[1] - j, previous.first[0] - i
-            rows, columns = previous.visited.shape
-            self.visited[down : down + rows, right : right + columns] = previous.visited
-        self._blockers = np.full((*shape, HALF), UNTESTED, dtype=np.int32)
-        self._numbers = np.empty(shape[0] * shape[1], dtype=np.int32)
-        self._reach = round(NODE_REACH * spacing / belief.resolution * SUBCELLS)
-
-    def update(self, cells: NDArray[np.int8], width: int, changed: Box, lost: Box) -> None:
-        """Bring viewpoints and edges up to date; arguments as `_update_edges` describes them."""
-        _update_edges(
-            cells, width, self.x, self.y, NEIGHBOUR_OFFSETS, self.exists, self.edges, self._blockers, changed, lost
+            down, right = (a - b for a, b in zip(previous._first_cell, self._first_cell, strict=True))
+            rows, columns = previous._been.shape
+            been[down : down + rows, right : right + columns] |= previous._been
+        self._been = been
+        self.cells = Cells(
+            belief=belief.padded.reshape(-1),
+            clear=self._clearance.grid.reshape(-1),
+            labels=np.zeros(belief.padded.size, dtype=np.uint16),
+            been=been.reshape(-1),
+            width=shape[1],
         )
+        squares = (len(self.layout.y), len(self.layout.x))
+        self.dirty = np.zeros(squares, dtype=np.bool_)
+        self._counts = np.zeros(squares, dtype=np.int32)
+        self.first_of = np.full(squares[0] * squares[1], NOWHERE, dtype=np.int32)
+        self._resolution = belief.resolution
+        # The robot is at its viewpoint within half a spacing.
+        self._visit_reach = round(spacing / belief.resolution * SUBCELLS) // 2
+        self._margin = max(round(PLACE_MARGIN / belief.resolution), 1)
+        self._clear_reach = ceil((radius + MARGIN_REACH) / belief.resolution)
+        # One subcell of rounding at either end must not cut off a viewpoint that is exactly as far as edges reach.
+        self.edge_reach = int(LONGEST_EDGE * spacing / belief.resolution * SUBCELLS) + 2
+        side = int(max(np.diff(self.layout.row_begin).max(initial=1), np.diff(self.layout.column_begin).max(initial=1)))
+        self._most_touches = side // 2 + 1
+        self.pieces = np.zeros(0, dtype=PIECE)
+        self._free = np.zeros(0, dtype=np.int32)
+        self._free_count = 0
+        self.robot = NOWHERE
+        self.fresh = self.ended = self._gone = _NO_PIECES
+        self.changed: Box = NOTHING_LOST
+        self._pairs = (np.zeros(0, np.int32), np.zeros((0, 32), np.int32), np.zeros((0, 32), np.int32))
+        self._touches = (
+            np.zeros((0, 2), np.int32),
+            np.zeros((0, 2, self._most_touches), np.int32),
+            np.zeros((0, 2, self._most_touches), np.float64),
+        )
+        self._reserve(64)
 
-    def robot_node(self, cells: NDArray[np.int8], width: int, x: int, y: int) -> int:
-        """Return the flat lattice index of the robot's node, or -1 when there is none within 3 spacings.
+    @property
+    def used(self) -> int:
+        """How many pieces are in use at most: their numbers are below."""
+        return len(self.pieces)
 
-        It is the nearest viewpoint in a straight free line; one that has edges is preferred, however, because a
-        robot that counts as being on a viewpoint without edges could go nowhere.
+    def update(self, changed: Box | None, lost: Box, robot: tuple[int, int], *, everywhere: bool = False) -> None:
+        """Bring clear space, pieces, viewpoints and edges up to date.
+
+        Args:
+            changed: box of all cells of the belief that changed, whose squares `dirty` names; None for none.
+            lost: box of those that are free no more; its second number is -1 when there are none.
+            robot: where the robot stands, subcells.
+            everywhere: no piece waits for its lattice point.
         """
-        return int(_robot_node(cells, width, self.x, self.y, self.exists, self.edges, x, y, self._reach))
+        cells, layout = self.cells, self.layout
+        self._release()
+        box = NOTHING_LOST
+        if changed is not None:
+            box, lost = self._clearance.update(
+                cells.belief.reshape(-1, cells.width), changed, lost, layout.row_of, layout.column_of, self.dirty
+            )
+            total = int(_label_dirty(cells, layout, self.dirty, self._counts))
+            if total > self._free_count:
+                self._reserve(self.used + max(self.used, total))
+        self._free_count, self._gone, self.robot, self.fresh, self.ended, most = _renew_viewpoints(
+            cells, layout, self.pieces, self.first_of, changed is not None, self.dirty, self._counts, self._free,
+            self._free_count, self._margin, robot, self._clear_reach, self._visit_reach, everywhere, self._pairs,
+            self._touches,
+        )  # fmt: skip
+        self._reserve_pairs(most)
+        self.changed = _renew_edges(
+            cells, layout, self.pieces, self.first_of, box, lost, self.edge_reach, self._pairs, self._touches,
+            self.fresh, self.ended, changed or NOTHING_LOST,
+        )  # fmt: skip
 
-    def number_reachable(self, start: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Number the viewpoints that edges connect with a viewpoint.
+    def piece_of(self, point: tuple[int, int]) -> int:
+        """Return the piece that holds a point, subcells; beside clear space the nearest in a free line; -1 for none."""
+        return int(_piece_of(self.cells, self.layout, self.pieces, self.first_of, *point, self._clear_reach))
+
+    def reachable(self, *, spare: bool = True) -> tuple[NDArray[np.int32], NDArray[np.int32], Adjacency]:
+        """Number the viewpoints that edges connect with that of the robot's piece.
+
+        Args:
+            spare: those that exist only because no piece waits count as well.
 
         Returns:
-            Flat lattice index of every node, int32, shape (n,), row-major; and the node number of every lattice
-            point or -1, int32, flat, valid until the next call.
+            The piece of each node, int32, shape (n,); the node number of each piece, -1 without one, int32, shape
+            (used,); and the edges.
         """
-        return _number_reachable(self.edges, NEIGHBOUR_OFFSETS, start, self._numbers), self._numbers
+        order, numbers, *edges = reach(
+            self.pieces, self.used, self.first_of, self.robot, spare, self._pairs, self._touches, self._resolution
+        )
+        return order, numbers, Adjacency(*edges)
+
+    def way(self, a: int, b: int) -> NDArray[np.int64]:
+        """Return the corners of the way between the viewpoints of two pieces that touch, subcells, both ends included.
+
+        The way there and the way back are the same.
+        """
+        if int(self.pieces[a]["square"]) > int(self.pieces[b]["square"]):
+            return self.way(b, a)[::-1]
+        corners: NDArray[np.int64] = way_between(self.pieces, self.cells, self.layout, a, b)
+        return corners
+
+    def way_within(self, piece: int, start: tuple[int, int], goal: tuple[int, int]) -> NDArray[np.int64]:
+        """Return the corners of a way through one piece from one point to another, subcells, both included.
+
+        A point beside clear space is joined straight to the nearest clear cell.
+        """
+        p = self.pieces[piece]
+        square, label = int(p["square"]), int(p["label"])
+        enter, leave = self._entry(start), self._entry(goal)
+        corners = way_inside(self.cells, self.layout, square, label, square, label, enter, leave)
+        before = [start] if enter != start else []
+        after = [goal] if leave != goal else []
+        return np.array([*before, *corners.tolist(), *after], dtype=np.int64)
+
+    def _entry(self, point: tuple[int, int]) -> tuple[int, int]:
+        """Return a point itself when it lies in clear space, else the middle of the nearest clear cell that it sees."""
+        cells = self.cells
+        if cells.labels[(point[1] >> SUBCELL_BITS) * cells.width + (point[0] >> SUBCELL_BITS)]:
+            return point
+        cell = int(_nearest_clear(cells, *point, self._clear_reach))
+        return (cell % cells.width) * SUBCELLS + SUBCELLS // 2, (cell // cells.width) * SUBCELLS + SUBCELLS // 2
+
+    def _release(self) -> None:
+        """Give the numbers of pieces that ended with the update before to new ones: until now they told what ended."""
+        gone, self._gone = self._gone, _NO_PIECES
+        self._free[self._free_count : self._free_count + len(gone)] = gone
+        self._free_count += len(gone)
+
+    def _reserve(self, capacity: int) -> None:
+        """Make room for so many pieces."""
+        before = self.used
+        self.pieces = _lengthened(self.pieces, capacity)
+        self._pairs = (*(_lengthened(column, capacity) for column in self._pairs),)  # type: ignore[assignment]
+        self._touches = (*(_lengthened(column, capacity) for column in self._touches),)  # type: ignore[assignment]
+        free = np.arange(capacity - 1, before - 1, -1, dtype=np.int32)
+        self._free = np.concatenate([free, self._free[: self._free_count], np.zeros(before, dtype=np.int32)])
+        self._free_count += len(free)
+
+    def _reserve_pairs(self, most: int) -> None:
+        """Make room for so many pairs of one viewpoint."""
+        count, other, state = self._pairs
+        if most > other.shape[1]:
+            wider = np.zeros((2, len(other), max(most, 2 * other.shape[1])), dtype=np.int32)
+            wider[0, :, : other.shape[1]], wider[1, :, : other.shape[1]] = other, state
+            self._pairs = (count, wider[0], wider[1])
 
 
-def _axis(
-    belief: Belief, lattice_origin: tuple[float, float], spacing: float, axis: int, cells: int
-) -> tuple[NDArray[np.int64], int]:
-    """Return the subcells of the lattice's points along one axis of the grid and the number of the first of them."""
-    low = (belief.origin[axis] - lattice_origin[axis]) / spacing
-    numbers = range(floor(low), ceil(low + cells * belief.resolution / spacing) + 1)
-    values = [lattice_origin[axis] + spacing * k for k in numbers]
-    subcells = np.array([belief.subcells((v, v))[axis] for v in values], dtype=np.int64)
-    inside = (subcells >> SUBCELL_BITS >= 1) & (subcells >> SUBCELL_BITS <= cells)
-    return subcells[inside], numbers[int(np.argmax(inside))]
+def _lengthened(old: NDArray[Any], length: int) -> NDArray[Any]:
+    new = np.zeros((length, *old.shape[1:]), dtype=old.dtype)
+    new[: len(old)] = old
+    return new

@@ -1,0 +1,176 @@
+"""Clear space: the known free cells where a robot of some radius fits, kept up to date where the belief changed."""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.jit import njit
+from common.mapping.belief import Belief
+from common.mapping.sight import FREE, Box
+
+# Every point of the cell is clear; the same number as FREE, so that `common.mapping.sight.blocker` reads both grids.
+CLEAR_CELL: Final = FREE
+# The centre of the cell is clear: the robot may pass from centre to centre.
+TIGHT: Final = 1
+BLOCKED: Final = 2
+# Rounding of metres to cells must not decide whether a cell is clear, cells.
+_TOLERANCE: Final = 1e-9
+_FAR: Final = 255
+
+
+@njit(cache=True, nogil=True, inline="always")
+def passable(value: int) -> bool:
+    """Whether the robot's centre may be in the middle of a cell; negative values of a belief are not."""
+    return (value & -2) == 0
+
+
+@njit(cache=True, nogil=True)
+def _update(
+    cells: NDArray[np.int8],
+    clear: NDArray[np.int8],
+    tight_span: NDArray[np.int16],
+    clear_span: NDArray[np.int16],
+    changed: Box,
+    row_of: NDArray[np.int32],
+    column_of: NDArray[np.int32],
+    dirty: NDArray[np.bool_],
+) -> tuple[int, int, int, int, int, int, int, int]:
+    """Recompute the cells that a box of changed cells can touch.
+
+    Args:
+        cells: padded grid of the belief, int8, shape (height, width).
+        clear: CLEAR_CELL, TIGHT or BLOCKED, int8, same shape; brought up to date.
+        tight_span: a cell is not TIGHT when a cell that is not free lies this many columns or fewer away, for each
+            row offset from -reach to reach, int16; -1 for none.
+        clear_span: likewise for CLEAR_CELL.
+        changed: box of changed cells.
+        row_of: row of squares of each row of cells.
+        column_of: column of squares of each column of cells.
+        dirty: squares with changed cells, bool; those whose clear space changed are set.
+
+    Returns:
+        The box of cells whose clearance changed, then that of the cells that are worse than before; the second number
+        of a box is -1 when there are none.
+    """
+    height, width = cells.shape
+    reach = len(clear_span) // 2
+    top, bottom = max(changed[0] - reach, 0), min(changed[1] + reach, height - 1)
+    left, right = max(changed[2] - reach, 0), min(changed[3] + reach, width - 1)
+    # Columns to the nearest cell of the row that is not free, for all rows that count.
+    first, last = max(top - reach, 0), min(bottom + reach, height - 1)
+    near, far = max(left - reach, 0), min(right + reach, width - 1)
+    gaps = np.empty((last - first + 1, far - near + 1), dtype=np.uint8)
+    for row in range(first, last + 1):
+        gap = _FAR
+        for column in range(near, far + 1):
+            gap = 0 if cells[row, column] != FREE else min(gap + 1, _FAR)
+            gaps[row - first, column - near] = gap
+        gap = _FAR
+        for column in range(far, near - 1, -1):
+            gap = min(gap + 1, _FAR) if gaps[row - first, column - near] else 0
+            gaps[row - first, column - near] = min(gap, gaps[row - first, column - near])
+    new = (height, -1, width, -1)
+    lost = (height, -1, width, -1)
+    count = right - left + 1
+    not_tight = np.empty(count, dtype=np.bool_)
+    not_clear = np.empty(count, dtype=np.bool_)
+    for row in range(top, bottom + 1):
+        not_tight[:] = False
+        not_clear[:] = False
+        for offset in range(-reach, reach + 1):
+            if not first <= row + offset <= last:
+                continue
+            tight, wide = tight_span[offset + reach], clear_span[offset + reach]
+            line = gaps[row + offset - first, left - near : right - near + 1]
+            if wide >= 0:
+                for k in range(count):
+                    not_clear[k] |= line[k] <= wide
+            if tight >= 0:
+                for k in range(count):
+                    not_tight[k] |= line[k] <= tight
+        for k in range(count):
+            value = BLOCKED if not_tight[k] else (TIGHT if not_clear[k] else CLEAR_CELL)
+            column = left + k
+            before = clear[row, column]
+            if value != before:
+                clear[row, column] = value
+                dirty[row_of[row], column_of[column]] = True
+                new = (min(new[0], row), row, min(new[2], column), max(new[3], column))
+                if value > before:
+                    lost = (min(lost[0], row), row, min(lost[2], column), max(lost[3], column))
+    return (*new, *lost)
+
+
+class Clearance:
+    """Where a robot of some radius fits, for one generation of the belief.
+
+    A free cell is TIGHT or better when its centre is at least the radius from every cell that is not free, unknown
+    ones and the end of the grid included; it is CLEAR_CELL when all of its points are. So every straight segment
+    through cells that are CLEAR_CELL keeps the radius, and so does every step between the centres of neighbouring
+    cells that are TIGHT or better (a diagonal one needs both cells beside it): four such centres bound a square whose
+    points are all at least as clear as one of its corners.
+
+    Attributes:
+        grid: CLEAR_CELL, TIGHT or BLOCKED (for radius 0 the belief itself, in which only free cells are passable),
+            int8, shape of the padded grid.
+    """
+
+    def __init__(self, belief: Belief, radius: float) -> None:
+        """Begin with nothing clear.
+
+        Args:
+            belief: its grid as it is allocated now.
+            radius: of the robot, metres, 0 allowed.
+        """
+        self._point = radius <= 0.0
+        cells = radius / belief.resolution
+        self._tight, self._clear = _spans(cells, 0.5), _spans(cells, 1.0)
+        self.grid = belief.padded if self._point else np.full(belief.padded.shape, BLOCKED, dtype=np.int8)
+
+    def update(
+        self,
+        cells: NDArray[np.int8],
+        changed: Box,
+        lost: Box,
+        row_of: NDArray[np.int32],
+        column_of: NDArray[np.int32],
+        dirty: NDArray[np.bool_],
+    ) -> tuple[Box, Box]:
+        """Bring the grid up to date; arguments as `_update` describes them.
+
+        Args:
+            cells: padded grid of the belief, int8, shape (height, width).
+            changed: box of all cells that changed.
+            lost: box of those that are free no more; its second number is -1 when there are none.
+            row_of: row of squares of each row of cells.
+            column_of: column of squares of each column of cells.
+            dirty: squares with changed cells; those whose clear space changed are set.
+
+        Returns:
+            The box of cells whose clearance changed, and that of those that are worse than before.
+        """
+        if self._point:
+            return changed, lost
+        boxes = _update(cells, self.grid, self._tight, self._clear, changed, row_of, column_of, dirty)
+        return (boxes[0], boxes[1], boxes[2], boxes[3]), (boxes[4], boxes[5], boxes[6], boxes[7])
+
+
+def _spans(radius: float, inside: float) -> NDArray[np.int16]:
+    """Return, for each row offset, the farthest column offset of a cell that is nearer than a radius; -1 for none.
+
+    Args:
+        radius: cells.
+        inside: how far points are from the centre of their own cell along an axis, and from that of the other, cells
+            together: 0.5 measures from the centre of the cell, 1 from its nearest point.
+    """
+    reach = ceil(radius) + 1
+    offsets = np.arange(-reach, reach + 1)
+    gap: NDArray[np.float64] = np.maximum(np.abs(offsets) - inside, 0.0)
+    near = np.hypot(gap[:, None], gap[None, :]) < radius - _TOLERANCE
+    near[reach, reach] = True
+    spans = np.where(near.any(axis=1), near[:, reach:].sum(axis=1) - 1, -1)
+    return spans.astype(np.int16)

@@ -1,0 +1,208 @@
+"""From the graph to the arrays of an observation: offsets, planning set and edges of the numbered viewpoints."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import MappingError
+from common.jit import njit
+from common.mapping.raycast import SUBCELLS
+from common.mapping.squares import Layout
+from common.observation import MAX_DEGREE, MAX_OFFSET, STEP_UNITS
+
+
+class Frame(NamedTuple):
+    """Where squares and cells lie in the map frame.
+
+    Attributes:
+        lattice_x: x of the lattice's origin, metres.
+        lattice_y: y of it.
+        first_i: number of the first column of squares.
+        first_j: number of the first row of squares.
+        spacing: side of the squares, metres.
+        x: of the lower left corner of the belief's grid, metres.
+        y: of it.
+        resolution: metres per cell.
+    """
+
+    lattice_x: float
+    lattice_y: float
+    first_i: int
+    first_j: int
+    spacing: float
+    x: float
+    y: float
+    resolution: float
+
+
+@njit(cache=True, nogil=True)
+def _gather(
+    order: NDArray[np.int32],
+    pieces: Any,
+    layout: Layout,
+    counts: NDArray[np.int32],
+    min_utility: int,
+    least_utility: int,
+    robot: int,
+    frame: Frame,
+) -> tuple[
+    NDArray[np.int64],
+    NDArray[np.int64],
+    NDArray[np.float64],
+    NDArray[np.int64],
+    NDArray[np.uint16],
+    NDArray[np.bool_],
+    int,
+]:
+    n = len(order)
+    columns = len(layout.x)
+    x = np.empty(n, dtype=np.int64)
+    y = np.empty(n, dtype=np.int64)
+    positions = np.empty((n, 2))
+    offsets = np.empty((n, 2), dtype=np.int64)
+    utility = np.empty(n, dtype=np.uint16)
+    visited = np.empty(n, dtype=np.bool_)
+    most = 0
+    for node in range(n):
+        most = max(most, counts[order[node]])
+    threshold = min_utility if most >= min_utility else min(least_utility, min_utility)
+    for node in range(n):
+        p = pieces[order[node]]
+        x[node], y[node] = p.x, p.y
+        if p.centred:
+            # Exactly the lattice point, without the rounding to subcells.
+            positions[node, 0] = frame.lattice_x + (frame.first_i + p.square % columns) * frame.spacing
+            positions[node, 1] = frame.lattice_y + (frame.first_j + p.square // columns) * frame.spacing
+        else:
+            positions[node, 0] = frame.x + (p.x / SUBCELLS - 1.0) * frame.resolution
+            positions[node, 1] = frame.y + (p.y / SUBCELLS - 1.0) * frame.resolution
+        # Rounded on the lattice, so that differences do not depend on where the robot is.
+        scale = STEP_UNITS * frame.resolution / (frame.spacing * SUBCELLS)
+        offsets[node, 0] = np.rint((p.x - layout.x[0]) * scale)
+        offsets[node, 1] = np.rint((p.y - layout.y[0]) * scale)
+        count = counts[order[node]]
+        utility[node] = min(count, 65535) if count >= threshold else 0
+        visited[node] = p.visited
+    at_x, at_y = offsets[robot, 0], offsets[robot, 1]
+    farthest = np.int64(0)
+    for node in range(n):
+        offsets[node, 0] -= at_x
+        offsets[node, 1] -= at_y
+        farthest = max(farthest, abs(offsets[node, 0]), abs(offsets[node, 1]))
+    return x, y, positions, offsets, utility, visited, farthest
+
+
+def gather(
+    order: NDArray[np.int32],
+    pieces: NDArray[Any],
+    layout: Layout,
+    counts: NDArray[np.int32],
+    min_utility: int,
+    least_utility: int,
+    robot: int,
+    frame: Frame,
+) -> tuple[
+    NDArray[np.int64],
+    NDArray[np.int64],
+    NDArray[np.float64],
+    NDArray[np.int16],
+    NDArray[np.uint16],
+    NDArray[np.bool_],
+]:
+    """Collect positions and planning set of the viewpoints in node order.
+
+    Args:
+        order: piece of each node, int32, shape (n,).
+        pieces: all pieces.
+        layout: of the squares.
+        counts: observable frontiers of each piece's viewpoint.
+        min_utility: a viewpoint that observes fewer counts as useless, as long as another observes so many.
+        least_utility: likewise when none does.
+        robot: node number of the robot's viewpoint.
+        frame: where squares and cells lie.
+
+    Returns:
+        x and y, subcells; positions, metres, shape (n, 2); offsets from the robot's viewpoint in 1/64 lattice steps;
+        utility; visited flags.
+
+    Raises:
+        MappingError: a viewpoint is too far away for an observation.
+    """
+    x, y, positions, offsets, utility, visited, farthest = _gather(
+        order, pieces, layout, counts, min_utility, least_utility, robot, frame
+    )
+    if farthest > MAX_OFFSET * STEP_UNITS:
+        raise MappingError(
+            f"a viewpoint lies more than {MAX_OFFSET} lattice steps from the robot, which is as far as an observation "
+            "reaches: raise mapping.viewpoint_spacing"
+        )
+    return x, y, positions, offsets.astype(np.int16), utility, visited
+
+
+@njit(cache=True, nogil=True)
+def anything_left(order: NDArray[np.int32], pieces: Any, counts: NDArray[np.int32], least_utility: int) -> bool:
+    """Whether one of the viewpoints where the robot has not been observes enough frontiers."""
+    for piece in order:
+        if counts[piece] >= least_utility and not pieces[piece].visited:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _sparse_edges(
+    pointer: NDArray[np.int64],
+    neighbours: NDArray[np.int32],
+    lengths: NDArray[np.float64],
+    bent: NDArray[np.bool_],
+    spacing: float,
+) -> tuple[NDArray[np.int64], NDArray[np.uint16], NDArray[np.uint32], NDArray[np.float32]]:
+    n = len(pointer) - 1
+    degree = np.zeros(n, dtype=np.int64)
+    half = len(neighbours) // 2
+    higher = np.empty(half, dtype=np.uint16)
+    bent_edges = np.empty(half, dtype=np.uint32)
+    bent_lengths = np.empty(half, dtype=np.float32)
+    at = 0
+    count = 0
+    for node in range(n):
+        for k in range(pointer[node], pointer[node + 1]):
+            if neighbours[k] > node:
+                if bent[k]:
+                    bent_edges[count] = at
+                    bent_lengths[count] = lengths[k] / spacing
+                    count += 1
+                higher[at] = neighbours[k]
+                at += 1
+                degree[node] += 1
+    return degree, higher, bent_edges[:count].copy(), bent_lengths[:count].copy()
+
+
+def sparse_edges(
+    pointer: NDArray[np.int64],
+    neighbours: NDArray[np.int32],
+    lengths: NDArray[np.float64],
+    bent: NDArray[np.bool_],
+    spacing: float,
+) -> tuple[NDArray[np.uint8], NDArray[np.uint16], NDArray[np.uint32], NDArray[np.float32]]:
+    """Return the edges as an observation lists them: degree, neighbours, bent and bent_length.
+
+    Args:
+        pointer: as `Adjacency` has them, like the next three.
+        neighbours: node numbers.
+        lengths: metres.
+        bent: edges that are no straight line.
+        spacing: metres.
+
+    Raises:
+        MappingError: a viewpoint has more neighbours than an observation can list.
+    """
+    if int(np.diff(pointer).max(initial=0)) > MAX_DEGREE:
+        raise MappingError(
+            f"a viewpoint has {int(np.diff(pointer).max())} neighbours, an observation lists {MAX_DEGREE}: "
+            "use a smaller mapping.viewpoint_spacing, or coarser cells"
+        )
+    degree, higher, bent_edges, bent_lengths = _sparse_edges(pointer, neighbours, lengths, bent, spacing)
+    return degree.astype(np.uint8), higher, bent_edges, bent_lengths

@@ -1,0 +1,70 @@
+"""The lattice as squares: which cells of the belief's grid belong to which lattice point."""
+
+from __future__ import annotations
+
+from math import ceil, floor
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.mapping.belief import Belief
+from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
+
+
+class Layout(NamedTuple):
+    """The squares of one generation of the belief, as kernels want them.
+
+    Square (j, i) has the lattice point (x[i], y[j]) in its middle, and holds the cells whose centres are nearer to it
+    than to any other: rows ``row_begin[j]`` to ``row_begin[j + 1] - 1`` of the padded grid, likewise columns. A lattice
+    point itself may lie outside the grid.
+
+    Attributes:
+        x: of the lattice points, subcells of the padded grid, int64, shape (columns,), ascending.
+        y: likewise, shape (rows,).
+        row_begin: first row of cells of each row of squares, then the end, int64, shape (rows + 1,).
+        column_begin: first column of cells of each column of squares, then the end, int64, shape (columns + 1,).
+        row_of: row of squares of each row of the padded grid, int32; those of its ring belong to the nearest.
+        column_of: column of squares of each column of the padded grid, likewise.
+    """
+
+    x: NDArray[np.int64]
+    y: NDArray[np.int64]
+    row_begin: NDArray[np.int64]
+    column_begin: NDArray[np.int64]
+    row_of: NDArray[np.int32]
+    column_of: NDArray[np.int32]
+
+
+def lay_out(belief: Belief, lattice_origin: tuple[float, float], spacing: float) -> tuple[Layout, tuple[int, int]]:
+    """Lay squares over the belief's grid.
+
+    Args:
+        belief: its grid as it is allocated now.
+        lattice_origin: (x, y) of one lattice point, metres.
+        spacing: side of the squares, metres.
+
+    Returns:
+        The squares, and the numbers (i, j) of the lattice point of square (0, 0), which outlive a growth of the grid.
+    """
+    rows, columns = belief.shape
+    x, column_begin, column_of, i = _axis(belief, lattice_origin, spacing, 0, columns)
+    y, row_begin, row_of, j = _axis(belief, lattice_origin, spacing, 1, rows)
+    return Layout(x, y, row_begin, column_begin, row_of, column_of), (i, j)
+
+
+def _axis(
+    belief: Belief, lattice_origin: tuple[float, float], spacing: float, axis: int, cells: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32], int]:
+    """Return lattice points, beginnings of squares, square of each cell and number of the first point on one axis."""
+    low = (belief.origin[axis] - lattice_origin[axis]) / spacing
+    numbers = range(floor(low) - 1, ceil(low + cells * belief.resolution / spacing) + 2)
+    values = [lattice_origin[axis] + spacing * k for k in numbers]
+    points = np.array([belief.subcells((v, v))[axis] for v in values], dtype=np.int64)
+    centres = (np.arange(1, cells + 1, dtype=np.int64) << SUBCELL_BITS) + SUBCELLS // 2
+    # Doubled, so that the middle between two points is a whole number.
+    square = np.searchsorted(points[:-1] + points[1:], 2 * centres, side="right")
+    first, last = (int(square[0]), int(square[-1])) if cells else (0, 0)
+    begin = 1 + np.searchsorted(square, np.arange(first, last + 2))
+    of_cell = np.concatenate([square[:1], square, square[-1:]]) - first if cells else np.zeros(2)
+    return points[first : last + 1], begin.astype(np.int64), of_cell.astype(np.int32), numbers[first]
