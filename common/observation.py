@@ -1,11 +1,11 @@
 """The observation: one frozen, ragged, array-only record from the environment to the network.
 
-Nothing is padded, stored or sent twice. Positions are whole lattice steps from the robot's viewpoint, so the same
-record serves any resolution and viewpoint spacing. `ObservationBatch` is the columnar form that travels on the bus
-and that the replay buffer holds.
+Nothing is padded, stored or sent twice. Positions are lattice steps from the robot's viewpoint, in fixed point, so the
+same record serves any resolution and viewpoint spacing, and turns and mirrorings of it are exact. `ObservationBatch` is
+the columnar form that travels on the bus and that the replay buffer holds.
 
-Node numbers: viewpoints are 0 .. n - 1 in row-major order (by dy, then dx); in navigation the target is one more
-node with number n. Beacons and waypoints, wherever they appear, are such node numbers.
+Node numbers: viewpoints are 0 .. n - 1, row-major by their lattice square, those of one square in a row; in navigation
+the target is one more node with number n. Beacons and waypoints, wherever they appear, are such node numbers.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-# The 20 neighbours of a viewpoint: the 5 x 5 block without its corners and its middle, row-major. Bit k of an edge
-# mask is the edge to the viewpoint at NEIGHBOUR_OFFSETS[k] = (dx, dy) lattice steps. The list is point-symmetric:
-# the reverse of bit k is bit 19 - k.
-NEIGHBOUR_OFFSETS: NDArray[np.int16] = np.array(
-    [(dx, dy) for dy in range(-2, 3) for dx in range(-2, 3) if (dx, dy) != (0, 0) and abs(dx) + abs(dy) < 4],
-    dtype=np.int16,
-)
-NEIGHBOUR_COUNT = len(NEIGHBOUR_OFFSETS)
+# k of the paper: on a lattice, the neighbours within sqrt(5) steps are the 20 nearest.
+NEIGHBOUR_COUNT = 20
+# Offsets count this many to a lattice step.
+STEP_UNITS = 64
 
 MAX_VIEWPOINTS = 20_000
+MAX_DEGREE = 255
 MAX_TARGET_LINKS = 20
-MAX_OFFSET = 4_000
+# Lattice steps: 500 * 64 fits into int16.
+MAX_OFFSET = 500
+# Lattice steps: no edge leads out of two neighbouring squares, whose cells a winding way can fill.
+MAX_EDGE_LENGTH = 1000.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,12 +35,16 @@ class Observation:
     """What the robot knows when it decides: the viewpoint graph that it can reach and the planning set S_t.
 
     Attributes:
-        offsets: (dx, dy) of each viewpoint in lattice steps from the robot's viewpoint, int16, shape (n, 2),
-            row-major.
+        offsets: (dx, dy) of each viewpoint from the robot's viewpoint in 1/64 lattice steps (`STEP_UNITS`), int16,
+            shape (n, 2).
         utility: observable frontiers per viewpoint, uint16, shape (n,).
         visited: viewpoints where the robot has been, bool, shape (n,).
         beacon: viewpoints that stand for a group of useful ones (Algorithm 1), bool, shape (n,).
-        edges: 20-bit masks over `NEIGHBOUR_OFFSETS`, uint32, shape (n,); symmetric.
+        degree: number of neighbours with a higher node number, uint8, shape (n,).
+        neighbours: those neighbours, ascending, of one viewpoint behind the other's, uint16, shape (e,); so each of
+            the e edges stands here once.
+        bent: edges (indices into `neighbours`) whose way is not the straight line, ascending, uint32, shape (b,).
+        bent_length: lengths of their ways in lattice steps, float32, shape (b,).
         robot: node number of the robot's viewpoint.
         has_target: True in navigation; then node number n is the target.
         target_known: the target's cell is known to be free; the target then is a beacon too.
@@ -54,7 +58,10 @@ class Observation:
     utility: NDArray[np.uint16]
     visited: NDArray[np.bool_]
     beacon: NDArray[np.bool_]
-    edges: NDArray[np.uint32]
+    degree: NDArray[np.uint8]
+    neighbours: NDArray[np.uint16]
+    bent: NDArray[np.uint32]
+    bent_length: NDArray[np.float32]
     robot: int
     has_target: bool
     target_known: bool
@@ -71,27 +78,28 @@ class Observation:
         """Number of nodes, the target included."""
         return len(self.utility) + int(self.has_target)
 
+    @property
+    def steps(self) -> NDArray[np.float64]:
+        """Offsets of all nodes in lattice steps, the target's last, shape (nodes, 2)."""
+        steps = self.offsets / STEP_UNITS
+        return np.concatenate([steps, self.target_offset[None].astype(np.float64)]) if self.has_target else steps
+
     def beacon_nodes(self) -> NDArray[np.int64]:
         """Node numbers of all beacons, ascending; a known target is the last."""
         nodes = np.flatnonzero(self.beacon)
         return np.append(nodes, self.viewpoints) if self.target_known else nodes
 
     def waypoint_nodes(self) -> NDArray[np.int64]:
-        """Node numbers that the robot can go to next: its neighbours in bit order, then a known target in sight."""
-        bits = np.flatnonzero(self.edges[self.robot] >> _BIT_NUMBERS & 1)
-        nodes = np.searchsorted(_keys(self.offsets), _NEIGHBOUR_KEYS[bits])
+        """Node numbers that the robot can go to next: its neighbours, ascending, then a known target in sight."""
+        ends = np.cumsum(self.degree, dtype=np.int64)
+        # Lower neighbours list the robot; higher ones are listed by it.
+        lower = np.searchsorted(ends, np.flatnonzero(self.neighbours == self.robot), side="right")
+        end = int(ends[self.robot])
+        higher = self.neighbours[end - int(self.degree[self.robot]) : end]
+        nodes = np.concatenate([lower, higher.astype(np.int64)])
         if self.target_known and bool(np.any(self.target_links == self.robot)):
             nodes = np.append(nodes, self.viewpoints)
         return nodes
-
-
-def _keys(offsets: NDArray[np.int16]) -> NDArray[np.int64]:
-    wide = offsets.astype(np.int64)
-    return wide[:, 1] * (4 * MAX_OFFSET) + wide[:, 0]
-
-
-_BIT_NUMBERS = np.arange(NEIGHBOUR_COUNT, dtype=np.uint32)
-_NEIGHBOUR_KEYS = _keys(NEIGHBOUR_OFFSETS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +112,12 @@ class ObservationBatch:
         utility: uint16, shape (sum of count,).
         visited: bool, shape (sum of count,).
         beacon: bool, shape (sum of count,).
-        edges: uint32, shape (sum of count,).
+        degree: uint8, shape (sum of count,).
+        edge_count: edges per observation, int32, shape (k,); the sum of its degrees.
+        neighbours: node numbers within their observation, uint16, shape (sum of edge_count,).
+        bent_count: bent edges per observation, int32, shape (k,).
+        bent: indices into the neighbours of their observation, uint32, shape (sum of bent_count,).
+        bent_length: float32, shape (sum of bent_count,).
         robot: int32, shape (k,).
         has_target: bool, shape (k,).
         target_known: bool, shape (k,).
@@ -118,7 +131,12 @@ class ObservationBatch:
     utility: NDArray[np.uint16]
     visited: NDArray[np.bool_]
     beacon: NDArray[np.bool_]
-    edges: NDArray[np.uint32]
+    degree: NDArray[np.uint8]
+    edge_count: NDArray[np.int32]
+    neighbours: NDArray[np.uint16]
+    bent_count: NDArray[np.int32]
+    bent: NDArray[np.uint32]
+    bent_length: NDArray[np.float32]
     robot: NDArray[np.int32]
     has_target: NDArray[np.bool_]
     target_known: NDArray[np.bool_]
@@ -138,7 +156,12 @@ class ObservationBatch:
             utility=np.concatenate([o.utility for o in observations]),
             visited=np.concatenate([o.visited for o in observations]),
             beacon=np.concatenate([o.beacon for o in observations]),
-            edges=np.concatenate([o.edges for o in observations]),
+            degree=np.concatenate([o.degree for o in observations]),
+            edge_count=np.array([len(o.neighbours) for o in observations], dtype=np.int32),
+            neighbours=np.concatenate([o.neighbours for o in observations]),
+            bent_count=np.array([len(o.bent) for o in observations], dtype=np.int32),
+            bent=np.concatenate([o.bent for o in observations]),
+            bent_length=np.concatenate([o.bent_length for o in observations]),
             robot=np.array([o.robot for o in observations], dtype=np.int32),
             has_target=np.array([o.has_target for o in observations], dtype=np.bool_),
             target_known=np.array([o.target_known for o in observations], dtype=np.bool_),
@@ -150,13 +173,19 @@ class ObservationBatch:
     def select(self, chosen: NDArray[np.bool_]) -> ObservationBatch:
         """Return a batch of the observations where ``chosen``, bool, shape (k,), is True, in their order."""
         rows = np.repeat(chosen, self.count)
+        bent = np.repeat(chosen, self.bent_count)
         return ObservationBatch(
             count=self.count[chosen],
             offsets=self.offsets[rows],
             utility=self.utility[rows],
             visited=self.visited[rows],
             beacon=self.beacon[rows],
-            edges=self.edges[rows],
+            degree=self.degree[rows],
+            edge_count=self.edge_count[chosen],
+            neighbours=self.neighbours[np.repeat(chosen, self.edge_count)],
+            bent_count=self.bent_count[chosen],
+            bent=self.bent[bent],
+            bent_length=self.bent_length[bent],
             robot=self.robot[chosen],
             has_target=self.has_target[chosen],
             target_known=self.target_known[chosen],
@@ -167,18 +196,24 @@ class ObservationBatch:
 
     def __getitem__(self, index: int) -> Observation:
         """Return observation ``index`` as views into the columns."""
-        first = int(self.count[:index].sum())
-        last = first + int(self.count[index])
-        link = int(self.link_count[:index].sum())
+
+        def part(count: NDArray[np.int32]) -> slice:
+            first = int(count[:index].sum())
+            return slice(first, first + int(count[index]))
+
+        rows, bent = part(self.count), part(self.bent_count)
         return Observation(
-            offsets=self.offsets[first:last],
-            utility=self.utility[first:last],
-            visited=self.visited[first:last],
-            beacon=self.beacon[first:last],
-            edges=self.edges[first:last],
+            offsets=self.offsets[rows],
+            utility=self.utility[rows],
+            visited=self.visited[rows],
+            beacon=self.beacon[rows],
+            degree=self.degree[rows],
+            neighbours=self.neighbours[part(self.edge_count)],
+            bent=self.bent[bent],
+            bent_length=self.bent_length[bent],
             robot=int(self.robot[index]),
             has_target=bool(self.has_target[index]),
             target_known=bool(self.target_known[index]),
             target_offset=self.target_offset[index],
-            target_links=self.target_links[link : link + int(self.link_count[index])],
+            target_links=self.target_links[part(self.link_count)],
         )
