@@ -34,7 +34,7 @@ def lines(folder):
 
 def samples(ingest):
     batch = ingest.replay.sample(50, np.random.default_rng(0))
-    return batch.rewards.tolist(), batch.observations.edges.tolist()
+    return batch.rewards.tolist(), batch.observations.neighbours.tolist()
 
 
 def test_each_delivery_counts_once(tmp_path):
