@@ -82,9 +82,7 @@ def _codec() -> dict[str, float]:
         "encode_us": 1e6 * _best(lambda: encode(delivery)),
         "decode_and_check_us": 1e6 * decode_s,
         "check_us_per_observation": 1e6 * _best(lambda: check_observations(observations, "o")) / STEPS,
-        "neighbour_table_us_per_observation": 1e6
-        * _best(lambda: neighbour_table(observations))
-        / STEPS,
+        "neighbour_table_us_per_observation": 1e6 * _best(lambda: neighbour_table(observations)) / STEPS,
         "codec_chunks_per_s": 1 / decode_s,
     }
 

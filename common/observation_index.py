@@ -1,4 +1,4 @@
-"""The graphs of a batch as tables with one row per node: from lists of edges to what kernels and networks walk along."""
+"""The graphs of a batch as one table of neighbours: from lists of edges to what kernels and networks walk along."""
 
 from __future__ import annotations
 
@@ -48,7 +48,6 @@ def neighbour_table(batch: ObservationBatch) -> NeighbourTable:
         batch.offsets,
         batch.degree,
         batch.neighbours,
-        batch.edge_count,
         batch.bent,
         batch.bent_length,
         batch.bent_count,
@@ -114,7 +113,6 @@ def _fill_edges(
     offsets: NDArray[np.int16],
     degree: NDArray[np.uint8],
     neighbours: NDArray[np.uint16],
-    edge_count: NDArray[np.int32],
     bent: NDArray[np.uint32],
     bent_length: NDArray[np.float32],
     bent_count: NDArray[np.int32],
@@ -140,7 +138,7 @@ def _fill_edges(
             for e in range(edge, edge + degree[view + i]):
                 j = np.int64(neighbours[e])
                 if b < last_bent and bent[b] == e - first_edge:
-                    length = np.float64(bent_length[b])
+                    length = float(bent_length[b])
                     b += 1
                 else:
                     dx, dy = offsets[view + j, 0] - x, offsets[view + j, 1] - y

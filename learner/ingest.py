@@ -220,8 +220,8 @@ class Ingest:
                 delivery = decode(record.payload, Delivery)
             except MessageError as error:
                 raise CheckpointError(
-                    f"journal segment {segment} holds a delivery that this software cannot read ({error}): resume the run "
-                    "with the release that wrote it"
+                    f"journal segment {segment} holds a delivery that this software cannot read ({error}): "
+                    "resume the run with the release that wrote it"
                 ) from error
             key = (delivery.actor, delivery.incarnation, delivery.sequence)
             if segment < place:

@@ -21,7 +21,7 @@ from common.observation import (
 )
 from common.observation_index import waypoint_counts
 
-# Field and problem of each code that the kernels return; {0} is the step, {1} the viewpoint (or edge, or link) within it.
+# Field and problem of each code that the kernels return; {0} is the step, {1} the viewpoint, edge or link within it.
 _PROBLEMS = {
     1: ("offsets", f"must stay within {MAX_OFFSET} lattice steps; observation {{0}}, viewpoint {{1}} does not"),
     2: ("robot", "must be a viewpoint of its observation; that of observation {0} is not"),

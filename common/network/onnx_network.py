@@ -46,8 +46,9 @@ class OnnxNetwork:
         shape = inputs.get("neighbours")
         if shape and isinstance(shape[-1], int):
             raise CheckpointError(
-                f"this ONNX model was exported when a viewpoint had {shape[-1] - EXTRA_SLOTS} neighbours at most, now it may "
-                "have more: export the policy again with `hd-learner export --format onnx`, or use its .safetensors file"
+                f"this ONNX model is of an earlier release, in which a viewpoint had {shape[-1] - EXTRA_SLOTS} "
+                "neighbours at most: export the policy again with `hd-learner export --format onnx`, or use its "
+                ".safetensors file"
             )
         self._inputs = set(inputs)
 

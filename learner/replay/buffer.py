@@ -14,7 +14,18 @@ from common.observation import ObservationBatch
 from common.observation_index import waypoint_counts
 from learner.algorithm.batch import TransitionBatch
 from learner.replay.gather import gather
-from learner.replay.memory import BENT, COSTS, EDGES, KINDS, LINKS, VIEWPOINTS, Ring, SlotColumns, plan_memory
+from learner.replay.memory import (
+    BENT,
+    COSTS,
+    EDGES,
+    KINDS,
+    LINKS,
+    ROW_BYTES,
+    VIEWPOINTS,
+    Ring,
+    SlotColumns,
+    plan_memory,
+)
 
 StepKey = tuple[str, int, int, int]
 """One step of the whole system: (actor, incarnation, episode, step)."""
@@ -49,6 +60,7 @@ class Replay:
         self._columns = SlotColumns.allocate(slots)
         self._slot_bytes = SlotColumns.row_bytes()
         self._rings = [Ring(kind, self._ring_bytes) for kind in KINDS]
+        self._live_bytes = 0
         # Arrival numbers count for ever: the observations here are those from _oldest to _next - 1.
         self._oldest = 0
         self._next = 0
@@ -65,13 +77,13 @@ class Replay:
     @property
     def fill(self) -> float:
         """Share of the capacity in use, by transitions or by bytes, whichever is nearer to its limit; 0 to 1."""
-        by_bytes = self._live_bytes() / self._ring_bytes
+        by_bytes = self._live_bytes / self._ring_bytes
         return min(1.0, max(self._transitions / self.capacity, by_bytes))
 
     @property
     def bytes(self) -> int:
         """Memory in use, bytes."""
-        return self._live_bytes() + min(self._next, self._slots) * self._slot_bytes
+        return self._live_bytes + min(self._next, self._slots) * self._slot_bytes
 
     @property
     def observations(self) -> int:
@@ -155,30 +167,34 @@ class Replay:
         """Append all observations of a chunk, with their labels; return the arrival number of the first."""
         first_arrival = self._next
         choices = waypoint_counts(chunk.observations)
-        parts = _ragged_parts(chunk, choices)
+        ragged = _RaggedParts.of(chunk, choices)
         count = len(chunk.observations)
-        if all(int(part.ends[-1]) <= ring.largest for part, ring in zip(parts, self._rings, strict=True)):
-            self._store_piece(chunk.observations, parts, choices, 0, count)
+        if (ragged.ends[-1] <= [ring.largest for ring in self._rings]).all():
+            self._store_piece(chunk.observations, ragged, choices, 0, count)
         else:
             for i in range(count):
-                self._store_piece(chunk.observations, parts, choices, i, i + 1)
+                self._store_piece(chunk.observations, ragged, choices, i, i + 1)
         return first_arrival
 
     def _store_piece(
-        self, batch: ObservationBatch, parts: list[_RaggedPart], choices: NDArray[np.int32], low: int, high: int
+        self, batch: ObservationBatch, ragged: _RaggedParts, choices: NDArray[np.int32], low: int, high: int
     ) -> None:
         """Append observations ``low`` to ``high - 1``, contiguous in every ring, after making room for them."""
         count = high - low
         columns = self._columns
-        spans = [(int(part.ends[low]), int(part.ends[high])) for part in parts]
-        size = sum((end - begin) * ring.row_bytes for (begin, end), ring in zip(spans, self._rings, strict=True))
-        while self._live_bytes() + size > self._ring_bytes or self.observations + count > self._slots:
+        begin, end = ragged.ends[low], ragged.ends[high]
+        size = int((end - begin) @ ROW_BYTES)
+        while self._live_bytes + size > self._ring_bytes or self.observations + count > self._slots:
             self._evict()
+        self._live_bytes += size
+        places = [
+            ring.append(arrays, first, last)
+            for ring, arrays, first, last in zip(self._rings, ragged.arrays, begin.tolist(), end.tolist(), strict=True)
+        ]
         rows = np.arange(self._next, self._next + count) % self._slots
-        for number, (part, ring, (begin, end)) in enumerate(zip(parts, self._rings, spans, strict=True)):
-            columns.first[rows, number] = ring.append(part.arrays, begin, end) + part.ends[low:high] - begin
-            columns.length[rows, number] = np.diff(part.ends[low : high + 1])
         part = slice(low, high)
+        columns.first[rows] = ragged.ends[part] - begin + places
+        columns.length[rows] = ragged.length[part]
         columns.robot[rows] = batch.robot[part]
         columns.has_target[rows] = batch.has_target[part]
         columns.target_known[rows] = batch.target_known[part]
@@ -190,9 +206,6 @@ class Replay:
         columns.terminal[rows] = False
         columns.labelled[rows] = False
         self._next += count
-
-    def _live_bytes(self) -> int:
-        return sum(ring.live * ring.row_bytes for ring in self._rings)
 
     def _store_steps(self, chunk: Chunk, first: int) -> None:
         """Write actions, rewards and the expert's beacons; join each step to its successor within the chunk."""
@@ -270,10 +283,10 @@ class Replay:
             key = keys.pop(number, None)
             if key is not None:
                 del open_ends[key]
-        for ring, first, length in zip(
-            self._rings, columns.first[row].tolist(), columns.length[row].tolist(), strict=True
-        ):
-            ring.free(first, length)
+        length = columns.length[row]
+        self._live_bytes -= int(length @ ROW_BYTES)
+        for ring, first, rows in zip(self._rings, columns.first[row].tolist(), length.tolist(), strict=True):
+            ring.free(first, rows)
         self._oldest += 1
 
     # --- sampling ----------------------------------------------------------------------------------------------
@@ -360,29 +373,34 @@ class Replay:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _RaggedPart:
-    """What of a chunk goes into one ring.
+class _RaggedParts:
+    """What of a chunk of k observations goes into the rings.
 
     Attributes:
-        ends: first row of each observation, then the number of rows, int64, shape (k + 1,).
-        arrays: the columns.
+        arrays: the columns of each ring.
+        length: rows of each observation in each ring, int32, shape (k, 5).
+        ends: first row of each observation in the arrays, then their number of rows, int64, shape (k + 1, 5).
     """
 
+    arrays: tuple[tuple[NDArray[Any], ...], ...]
+    length: NDArray[np.int32]
     ends: NDArray[np.int64]
-    arrays: tuple[NDArray[Any], ...]
 
-
-def _ragged_parts(chunk: Chunk, choices: NDArray[np.int32]) -> list[_RaggedPart]:
-    """Lay out a chunk for the rings, in their order."""
-    batch, labels = chunk.observations, chunk.labels
-    costs = np.zeros(len(batch), dtype=np.int32)
-    if labels is not None:
-        costs[: chunk.steps] = choices[: chunk.steps]
-    parts: tuple[tuple[NDArray[np.int32], tuple[NDArray[Any], ...]], ...] = (
-        (batch.count, (batch.offsets, batch.utility, batch.visited, batch.beacon, batch.degree)),
-        (batch.edge_count, (batch.neighbours,)),
-        (batch.bent_count, (batch.bent, batch.bent_length)),
-        (batch.link_count, (batch.target_links,)),
-        (costs, (np.zeros(0, dtype=np.float32) if labels is None else labels.cost,)),
-    )
-    return [_RaggedPart(np.append(0, np.cumsum(counts, dtype=np.int64)), arrays) for counts, arrays in parts]
+    @classmethod
+    def of(cls, chunk: Chunk, choices: NDArray[np.int32]) -> _RaggedParts:
+        """Lay out a chunk whose observations have ``choices`` waypoints, int32, shape (k,)."""
+        batch, labels = chunk.observations, chunk.labels
+        costs = np.zeros(len(batch), dtype=np.int32)
+        if labels is not None:
+            costs[: chunk.steps] = choices[: chunk.steps]
+        length = np.stack([batch.count, batch.edge_count, batch.bent_count, batch.link_count, costs], axis=1)
+        ends = np.zeros((len(batch) + 1, len(KINDS)), dtype=np.int64)
+        np.cumsum(length, axis=0, out=ends[1:])
+        arrays = (
+            (batch.offsets, batch.utility, batch.visited, batch.beacon, batch.degree),
+            (batch.neighbours,),
+            (batch.bent, batch.bent_length),
+            (batch.target_links,),
+            (np.zeros(0, dtype=np.float32) if labels is None else labels.cost,),
+        )
+        return cls(arrays, length, ends)

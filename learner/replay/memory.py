@@ -75,6 +75,8 @@ KINDS = (
     # The expert's cost of each waypoint: all neighbours and the target.
     RingKind(((np.float32, 1),), (MAX_DEGREE + 1) * (MAX_STEPS + 1)),
 )
+ROW_BYTES = np.array([kind.row_bytes for kind in KINDS])
+"""Bytes of one row in each ring."""
 LARGEST_PIECE = sum(kind.largest * kind.row_bytes for kind in KINDS)
 """Bytes in all rings that one piece takes at most."""
 
@@ -94,13 +96,12 @@ class Ring:
         arrays: the columns.
         live: rows held now.
         largest: rows of one piece at most.
-        row_bytes: bytes of one row over all columns.
     """
 
     def __init__(self, kind: RingKind, max_bytes: int) -> None:
         self.live = 0
         self.largest = kind.largest
-        self.row_bytes = kind.row_bytes
+        self._row_bytes = kind.row_bytes
         self._limit = max_bytes // kind.row_bytes
         self._rows = self._limit + 2 * kind.largest
         self._head = 0
@@ -134,7 +135,7 @@ class Ring:
             return
         self.live -= rows
         begin, end = self._freed
-        if first != end or (end - begin) * self.row_bytes > _RELEASE_BYTES:
+        if first != end or (end - begin) * self._row_bytes > _RELEASE_BYTES:
             for column in self._columns:
                 column.release(begin, end)
             begin = first

@@ -17,8 +17,8 @@ from common.file_lock import FileLock
 from learner.run.code_state import write_code_state
 from learner.run.files import replace_text, sync_path, to_json
 
-# 2: viewpoints lie anywhere and edges are lists. Policies of runs of format 1 can be exported, their experience cannot be
-# read any more.
+# 2: viewpoints lie anywhere and edges are lists. Of runs of format 1 the policies can be exported, but the experience
+# cannot be read any more.
 FORMAT = 2
 _MARKER = "run.json"
 
@@ -154,8 +154,8 @@ def check_run(path: Path, *, to_continue: bool = False) -> None:
     if to_continue and written < FORMAT:
         raise CheckpointError(
             f"run {path} has format {written}, and this software cannot read experience from before format {FORMAT}: "
-            f"resume it with the release that began it, or export its policy (`hd-learner export --run {path.name}`) and "
-            "begin a new run from that (`hd-learner start --run NEW --set learner.initial_policy=FILE`)"
+            f"resume it with the release that began it, or export its policy (`hd-learner export --run {path.name}`) "
+            "and begin a new run from that (`hd-learner start --run NEW --set learner.initial_policy=FILE`)"
         )
 
 

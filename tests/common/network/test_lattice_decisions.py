@@ -31,9 +31,7 @@ def test_features_are_the_same() -> None:
 def test_the_shipped_policies_decide_the_same(task: str) -> None:
     policy, _ = read_policy(shipped_policy(task))
     for greedy, what in ((True, ""), (False, "drawn_")):
-        decisions = [
-            policy.decide(BATCH[k], greedy=greedy, rng=np.random.default_rng(5)) for k in range(len(BATCH))
-        ]
+        decisions = [policy.decide(BATCH[k], greedy=greedy, rng=np.random.default_rng(5)) for k in range(len(BATCH))]
         assert [decision.beacon for decision in decisions] == RECORD[f"{task}_{what}beacon"].tolist()
         assert [decision.waypoint for decision in decisions] == RECORD[f"{task}_{what}waypoint"].tolist()
         # Sums of float32 come out a little different on other processors.

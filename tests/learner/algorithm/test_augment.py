@@ -1,4 +1,4 @@
-"""The eight symmetries: a group that moves positions alone, and leaves all that does not depend on direction as it is."""
+"""The eight symmetries: a group that moves positions alone; features follow, choices and labels stay."""
 
 from __future__ import annotations
 
