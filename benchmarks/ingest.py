@@ -30,9 +30,9 @@ RUN = "bench"
 
 
 def chunk(seed: int = 0, labels: bool = True) -> Chunk:
-    """Make a chunk of 16 steps with 185 viewpoints each, the mean of the benchmark maps."""
+    """Make a chunk of 16 steps with 185 viewpoints each, the mean of the benchmark maps, and 12 neighbours for each."""
     rng = np.random.default_rng(seed)
-    observations = [random_observation(rng, VIEWPOINTS) for _ in range(STEPS)]
+    observations = [random_observation(rng, VIEWPOINTS, edge_share=0.52, bent_share=0.05) for _ in range(STEPS)]
     choices = [o.waypoint_nodes() for o in observations]
     expert = ExpertLabels(
         cost=np.zeros(sum(map(len, choices)), dtype=np.float32), beacon=np.full(STEPS, -1, dtype=np.int32)

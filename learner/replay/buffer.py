@@ -335,7 +335,7 @@ class Replay:
     def _gather(self, rows: NDArray[np.int64]) -> ObservationBatch:
         columns = self._columns
         length = np.ascontiguousarray(columns.length[rows].T)
-        offsets, utility, visited, beacon, degree = self._pieces(VIEWPOINTS, rows)
+        offsets, utility, marks, degree = self._pieces(VIEWPOINTS, rows)
         (neighbours,) = self._pieces(EDGES, rows)
         bent, bent_length = self._pieces(BENT, rows)
         (target_links,) = self._pieces(LINKS, rows)
@@ -343,8 +343,8 @@ class Replay:
             count=length[VIEWPOINTS],
             offsets=offsets,
             utility=utility,
-            visited=visited,
-            beacon=beacon,
+            visited=(marks & 1) != 0,
+            beacon=(marks & 2) != 0,
             degree=degree,
             edge_count=length[EDGES],
             neighbours=neighbours,
@@ -396,8 +396,9 @@ class _RaggedParts:
         length = np.stack([batch.count, batch.edge_count, batch.bent_count, batch.link_count, costs], axis=1)
         ends = np.zeros((len(batch) + 1, len(KINDS)), dtype=np.int64)
         np.cumsum(length, axis=0, out=ends[1:])
+        marks = batch.visited + 2 * batch.beacon.view(np.uint8)
         arrays = (
-            (batch.offsets, batch.utility, batch.visited, batch.beacon, batch.degree),
+            (batch.offsets, batch.utility, marks, batch.degree),
             (batch.neighbours,),
             (batch.bent, batch.bent_length),
             (batch.target_links,),

@@ -64,8 +64,8 @@ class RingKind:
 VIEWPOINTS, EDGES, BENT, LINKS, COSTS = range(5)
 """Numbers of the rings."""
 KINDS = (
-    # Offsets, utility, visited, beacon, degree.
-    RingKind(((np.int16, 2), (np.uint16, 1), (np.bool_, 1), (np.bool_, 1), (np.uint8, 1)), MAX_VIEWPOINTS),
+    # Offsets, utility, visited + 2 beacon, degree.
+    RingKind(((np.int16, 2), (np.uint16, 1), (np.uint8, 1), (np.uint8, 1)), MAX_VIEWPOINTS),
     # Neighbours.
     RingKind(((np.uint16, 1),), MAX_VIEWPOINTS * MAX_DEGREE // 2),
     # Bent edges and their lengths.
