@@ -102,5 +102,5 @@ class RandomDriver:
 def nearest_beacon(observation: Observation) -> int:
     """Return the beacon nearest to the robot in a straight line, the smaller number first."""
     beacons = observation.beacon_nodes()
-    steps = np.concatenate([observation.offsets.astype(np.float64), observation.target_offset[None]])[beacons]
+    steps = observation.steps[beacons]
     return int(beacons[np.argmin(np.hypot(steps[:, 0], steps[:, 1]))])

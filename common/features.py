@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from common.heap import pop, push
 from common.jit import njit
-from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS, ObservationBatch
+from common.observation import NEIGHBOUR_COUNT, STEP_UNITS, ObservationBatch
+from common.observation_index import EXTRA_SLOTS, NeighbourTable
 
 FeatureSet = Literal["paper", "extended"]
 FEATURE_NAMES: dict[FeatureSet, tuple[str, ...]] = {
@@ -39,10 +40,10 @@ FEATURE_NAMES["extended"] = (
 # Lattice steps per unit of a position or distance, and the largest such value.
 _SCALE = 20.0
 _LIMIT = 8.0
-# Two path lengths that differ by less are one length: sums of 1, sqrt 2, 2 and sqrt 5 in different orders.
+# On a lattice the degree is 1 at most; where small rooms crowd it may be more.
+_DEGREE_LIMIT = 2.0
+# Two path lengths that differ by less are one length: sums of the same edges in different orders.
 _TIE = 1e-6
-_LINK_SLOT = NEIGHBOUR_COUNT + 1
-_LENGTHS = np.hypot(NEIGHBOUR_OFFSETS[:, 0].astype(np.float64), NEIGHBOUR_OFFSETS[:, 1].astype(np.float64))
 
 
 def feature_count(features: FeatureSet) -> int:
@@ -50,9 +51,7 @@ def feature_count(features: FeatureSet) -> int:
     return len(FEATURE_NAMES[features])
 
 
-def node_features(
-    batch: ObservationBatch, neighbours: NDArray[np.int32], node_ptr: NDArray[np.int64], features: FeatureSet
-) -> NDArray[np.float32]:
+def node_features(batch: ObservationBatch, table: NeighbourTable, features: FeatureSet) -> NDArray[np.float32]:
     """Compute the features of all nodes, the targets included.
 
     Every value is bounded. Distances are in lattice steps; *graph* distances run along edges and never lead through
@@ -71,7 +70,7 @@ def node_features(
     7, 8  target_direction        unit vector from this node to the target, zeros without one         -1 .. 1
     9     target_distance         straight distance to the target / 20, 0 without one                 0 .. 8
     10    robot_graph_distance    graph distance from the robot / 20                                  0 .. 8
-    11    degree                  number of neighbours / 20                                           0 .. 1
+    11    degree                  number of neighbours / 20                                           0 .. 2
     12    useful_graph_distance   graph distance to the nearest viewpoint with utility / 20           0 .. 8
     13    on_beacon_path          lies on a shortest path (any, if several) from robot to a beacon    0, 1
     14    target_graph_distance   graph distance to the target / 20, 0 without one                    0 .. 8
@@ -81,15 +80,13 @@ def node_features(
 
     Args:
         batch: k observations.
-        neighbours: neighbour table of the nodes, batch-global rows or -1, shape (nodes, 22), see `GraphArrays`.
-        node_ptr: first node of each observation, and the number of nodes, shape (k + 1,).
+        table: their neighbours.
         features: which set.
 
     Returns:
         float32, shape (nodes, F).
     """
-    nodes = int(node_ptr[-1])
-    out = np.zeros((nodes, feature_count(features)), dtype=np.float32)
+    out = np.zeros((len(table.rows), feature_count(features)), dtype=np.float32)
     _fill_features(
         batch.count,
         batch.offsets,
@@ -100,8 +97,9 @@ def node_features(
         batch.has_target,
         batch.target_known,
         batch.target_offset,
-        neighbours,
-        node_ptr,
+        table.rows,
+        table.lengths,
+        table.node_ptr,
         features == "extended",
         out,
     )
@@ -120,6 +118,7 @@ def _fill_features(
     target_known: NDArray[np.bool_],
     target_offset: NDArray[np.float32],
     neighbours: NDArray[np.int32],
+    lengths: NDArray[np.float64],
     node_ptr: NDArray[np.int64],
     extended: bool,
     out: NDArray[np.float32],
@@ -131,8 +130,8 @@ def _fill_features(
         x = np.zeros(last - first)
         y = np.zeros(last - first)
         for i in range(n):
-            x[i] = offsets[view + i, 0]
-            y[i] = offsets[view + i, 1]
+            x[i] = offsets[view + i, 0] / STEP_UNITS
+            y[i] = offsets[view + i, 1] / STEP_UNITS
             row = out[first + i]
             row[2] = math.log1p(utility[view + i]) / 4.0
             row[3] = visited[view + i]
@@ -156,61 +155,66 @@ def _fill_features(
                 row[9] = min(distance / _SCALE, _LIMIT)
         if extended:
             _fill_extended(
-                x, y, n, first, robot[g], utility[view : view + n], has_target[g], neighbours[first:last], out
+                n,
+                first,
+                robot[g],
+                utility[view : view + n],
+                has_target[g],
+                neighbours[first:last],
+                lengths[first:last],
+                out,
             )
         view += n
 
 
 @njit(cache=True, nogil=True)
 def _fill_extended(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
     n: int,
     first: int,
     robot: int,
     utility: NDArray[np.uint16],
     has_target: bool,
     neighbours: NDArray[np.int32],
+    lengths: NDArray[np.float64],
     out: NDArray[np.float32],
 ) -> None:
     """Fill columns 10 to 14 of one observation, whose nodes start at row ``first``."""
-    nodes = len(x)
+    nodes, slots = neighbours.shape
     target = n if has_target else -1
     distance = np.full(nodes, np.inf)
     distance[robot] = 0.0
-    order = _shortest_paths(x, y, neighbours, first, target, distance)
+    order = _shortest_paths(neighbours, lengths, first, target, distance)
     useful = np.full(nodes, np.inf)
     for i in range(n):
         if utility[i] > 0:
             useful[i] = 0.0
-    _shortest_paths(x, y, neighbours, first, target, useful)
+    _shortest_paths(neighbours, lengths, first, target, useful)
     for i in range(nodes):
         row = out[first + i]
         degree = 0
-        for slot in range(NEIGHBOUR_COUNT):
+        for slot in range(slots - EXTRA_SLOTS):
             degree += neighbours[i, slot] >= 0
         row[10] = min(distance[i] / _SCALE, _LIMIT)
-        row[11] = degree / NEIGHBOUR_COUNT
+        row[11] = min(degree / NEIGHBOUR_COUNT, _DEGREE_LIMIT)
         row[12] = min(useful[i] / _SCALE, _LIMIT)
         row[13] = row[4] > 0.0 and distance[i] < np.inf
     # From the farthest node inwards, each marked node marks all its predecessors on shortest paths.
     for position in range(len(order) - 1, -1, -1):
         j = order[position]
         if out[first + j, 13] > 0.0:
-            for slot in range(_LINK_SLOT + 1):
+            for slot in range(slots):
                 i = neighbours[j, slot] - first
                 if i < 0 or i in (j, target):
                     continue
-                step = _length(x, y, j, i, slot, target)
-                if abs(distance[i] + step - distance[j]) < _TIE:
+                if abs(distance[i] + lengths[j, slot] - distance[j]) < _TIE:
                     out[first + i, 13] = 1.0
     if has_target:
         distance[:] = np.inf
-        for slot in range(NEIGHBOUR_COUNT):
+        for slot in range(slots - EXTRA_SLOTS):
             i = neighbours[target, slot] - first
             if i >= 0:
-                distance[i] = math.hypot(x[i] - x[target], y[i] - y[target])
-        _shortest_paths(x, y, neighbours, first, target, distance)
+                distance[i] = lengths[target, slot]
+        _shortest_paths(neighbours, lengths, first, target, distance)
         distance[target] = 0.0
         for i in range(nodes):
             out[first + i, 14] = min(distance[i] / _SCALE, _LIMIT)
@@ -218,9 +222,8 @@ def _fill_extended(
 
 @njit(cache=True, nogil=True)
 def _shortest_paths(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
     neighbours: NDArray[np.int32],
+    lengths: NDArray[np.float64],
     first: int,
     target: int,
     distance: NDArray[np.float64],
@@ -229,10 +232,10 @@ def _shortest_paths(
 
     No path leads through the target.
     """
-    nodes = len(x)
+    nodes, slots = neighbours.shape
     capacity = nodes + 1
     for i in range(nodes):
-        for slot in range(_LINK_SLOT + 1):
+        for slot in range(slots):
             capacity += neighbours[i, slot] >= 0
     keys = np.empty(capacity)
     items = np.empty(capacity, dtype=np.int64)
@@ -253,20 +256,12 @@ def _shortest_paths(
         settled += 1
         if i == target:
             continue
-        for slot in range(_LINK_SLOT + 1):
+        for slot in range(slots):
             j = neighbours[i, slot] - first
             if j < 0 or done[j]:
                 continue
-            length = distance[i] + _length(x, y, i, j, slot, target)
+            length = distance[i] + lengths[i, slot]
             if length < distance[j]:
                 distance[j] = length
                 size = push(keys, items, size, length, j)
     return order[:settled]
-
-
-@njit(cache=True, nogil=True)
-def _length(x: NDArray[np.float64], y: NDArray[np.float64], i: int, j: int, slot: int, target: int) -> float:
-    """Return the length of the edge from i to j in i's ``slot``; lattice edges need no square root."""
-    if slot < NEIGHBOUR_COUNT and i != target:
-        return _LENGTHS[slot]
-    return math.hypot(x[i] - x[j], y[i] - y[j])

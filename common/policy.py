@@ -145,5 +145,5 @@ class Policy:
 
 def _nearest(observation: Observation, beacons: NDArray[np.int64]) -> int:
     """Return the place in ``beacons`` of the one nearest to the robot."""
-    positions = np.vstack([observation.offsets, observation.target_offset[None]])[beacons]
-    return int(np.hypot(positions[:, 0], positions[:, 1]).argmin())
+    steps = observation.steps[beacons]
+    return int(np.hypot(steps[:, 0], steps[:, 1]).argmin())

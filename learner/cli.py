@@ -123,7 +123,7 @@ def resume(
 
     restart_prepared()
     name = run or RunConfig().name
-    check_run(runs / name)
+    check_run(runs / name, to_continue=True)
     resolved = load_config(runs / name / "config.json", _all_overrides(overrides, None, listen, sim), os.environ)
     if resolved.name != name:
         raise ConfigError(f"run {name!r} cannot be renamed to {resolved.name!r}: leave HD_NAME and --set name out")

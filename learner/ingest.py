@@ -12,7 +12,7 @@ from typing import Any
 
 from common.bus.seen import SeenSet
 from common.config.schema import RunConfig
-from common.errors import CheckpointError
+from common.errors import CheckpointError, MessageError
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.messages.schema import decode, encode
 from learner.ratio import RatioKeeper
@@ -180,7 +180,7 @@ class Ingest:
             updates: updates of that checkpoint.
 
         Raises:
-            CheckpointError: when a segment of the journal behind the checkpoint is damaged.
+            CheckpointError: when a segment of the journal behind the checkpoint is damaged or of another release.
         """
         began = time.monotonic()
         place = int(snapshot["segment"])
@@ -216,7 +216,13 @@ class Ingest:
             if record.kind is RecordKind.VERSION:
                 self.version = max(self.version, int.from_bytes(record.payload, "little"))
                 continue
-            delivery = decode(record.payload, Delivery)
+            try:
+                delivery = decode(record.payload, Delivery)
+            except MessageError as error:
+                raise CheckpointError(
+                    f"journal segment {segment} holds a delivery that this software cannot read ({error}): "
+                    "resume the run with the release that wrote it"
+                ) from error
             key = (delivery.actor, delivery.incarnation, delivery.sequence)
             if segment < place:
                 if before.add(*key):

@@ -14,7 +14,7 @@ import torch
 from common.config.schema import RunConfig
 from common.messages.experience import Chunk, Delivery, End, ExpertLabels
 from common.messages.schema import decode, encode
-from common.observation import NEIGHBOUR_OFFSETS, Observation, ObservationBatch
+from common.observation import STEP_UNITS, Observation, ObservationBatch
 from learner.algorithm.sac import SacLearner
 from learner.replay.buffer import Replay
 
@@ -30,7 +30,7 @@ def warm_up(config: RunConfig, device: torch.device) -> None:
     """
     began = time.monotonic()
     logger.info("preparing the kernels; a fresh installation takes a minute for it")
-    replay = Replay(capacity=1_000, max_bytes=4_000_000)
+    replay = Replay(capacity=1_000, max_bytes=30_000_000)
     replay.add(decode(encode(Delivery("warm-up", 0, 0, _chunk())), Delivery))
     rng = np.random.default_rng(0)
     once = {"updates": 1, "anchor_weight": 0.1}
@@ -69,18 +69,17 @@ def _chunk() -> Chunk:
 
 
 def _observation(robot: int) -> Observation:
-    places = np.array([(x, y) for y in range(3) for x in range(3)], dtype=np.int16)
-    edges = np.zeros(len(places), dtype=np.uint32)
-    for i, place in enumerate(places):
-        for k, offset in enumerate(NEIGHBOUR_OFFSETS):
-            if ((places == place + offset).all(axis=1)).any():
-                edges[i] |= np.uint32(1 << k)
+    places = np.array([(x, y) for y in range(3) for x in range(3)])
+    beside = np.triu(np.abs(places[:, None] - places).sum(axis=2) < 4, 1)
     return Observation(
-        offsets=places - places[robot],
+        offsets=((places - places[robot]) * STEP_UNITS).astype(np.int16),
         utility=np.arange(len(places), dtype=np.uint16),
         visited=np.arange(len(places)) == robot,
         beacon=np.isin(np.arange(len(places)), (0, 8)),
-        edges=edges,
+        degree=beside.sum(axis=1).astype(np.uint8),
+        neighbours=np.nonzero(beside)[1].astype(np.uint16),
+        bent=np.array([0], dtype=np.uint32),
+        bent_length=np.array([1.5], dtype=np.float32),
         robot=robot,
         has_target=True,
         target_known=False,

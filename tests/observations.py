@@ -1,4 +1,4 @@
-"""Random valid observations for tests and benchmarks: connected lattice graphs with ragged edges."""
+"""Random valid observations for tests and benchmarks: connected graphs with ragged edges."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from typing import Literal
 import numpy as np
 from hypothesis import strategies as st
 
-from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS, Observation, ObservationBatch
+from common.observation import MAX_TARGET_LINKS, STEP_UNITS, Observation, ObservationBatch
 
 Target = Literal["none", "unknown", "known"]
 TARGETS: tuple[Target, ...] = ("none", "unknown", "known")
+
+# Squares whose viewpoints may be joined: the 5 x 5 block without its corners.
+_BLOCK = np.array([(dx, dy) for dy in range(-2, 3) for dx in range(-2, 3) if abs(dx) + abs(dy) < 4])
 
 
 def random_observation(
@@ -19,8 +22,11 @@ def random_observation(
     target: Target = "none",
     useful: float = 0.3,
     edge_share: float = 0.6,
+    *,
+    lattice: bool = False,
+    bent_share: float = 0.1,
 ) -> Observation:
-    """Grow a connected graph of ``viewpoints`` lattice points around a robot.
+    """Grow a connected graph of ``viewpoints`` viewpoints around a robot.
 
     Args:
         rng: source of chance.
@@ -28,19 +34,21 @@ def random_observation(
         target: no target, one that is not known free yet, or a known one.
         useful: share of viewpoints with a utility; at least one has it and is a beacon.
         edge_share: share of the possible edges that are kept beside a spanning tree.
+        lattice: one viewpoint per lattice square, in its middle, and straight edges; otherwise viewpoints lie anywhere,
+            some squares have several, and some edges are bent.
+        bent_share: share of edges that are longer than the straight line, unless on a lattice.
     """
-    points, tree = _grow(rng, viewpoints)
-    order = np.lexsort((points[:, 0], points[:, 1]))
-    points = points[order]
-    number = {(int(x), int(y)): i for i, (x, y) in enumerate(points)}
-    edges = np.zeros(viewpoints, dtype=np.uint32)
-    for (ax, ay), (bx, by) in tree:
-        _connect(edges, number, (ax, ay), (bx, by))
-    for x, y in points:
-        for k in range(NEIGHBOUR_COUNT // 2, NEIGHBOUR_COUNT):
-            other = (int(x + NEIGHBOUR_OFFSETS[k, 0]), int(y + NEIGHBOUR_OFFSETS[k, 1]))
-            if other in number and rng.random() < edge_share:
-                _connect(edges, number, (int(x), int(y)), other)
+    squares, tree = _grow(rng, viewpoints, lattice)
+    places = squares * STEP_UNITS
+    if not lattice:
+        places += rng.integers(-STEP_UNITS // 2, STEP_UNITS // 2, places.shape)
+    joined = np.abs(squares[:, None] - squares).sum(axis=2) < 4
+    joined &= np.abs(squares[:, None] - squares).max(axis=2) < 3
+    joined &= rng.random(joined.shape) < edge_share
+    joined[tuple(tree.T)] = True
+    ends = np.argwhere(np.triu(joined, 1))
+    straight = np.hypot(*(places[ends[:, 0]] - places[ends[:, 1]]).T) / STEP_UNITS
+    bent = np.flatnonzero(rng.random(len(ends)) < (0.0 if lattice else bent_share))
     robot = int(rng.integers(viewpoints))
     utility = np.where(rng.random(viewpoints) < useful, rng.integers(2, 80, viewpoints), 0).astype(np.uint16)
     utility[rng.integers(viewpoints)] = 7
@@ -48,23 +56,26 @@ def random_observation(
     beacon[np.flatnonzero(utility)[0]] = True
     visited = rng.random(viewpoints) < 0.3
     visited[robot] = True
-    offsets = (points - points[robot]).astype(np.int16)
+    offsets = (places - places[robot]).astype(np.int16)
     target_offset = np.zeros(2, dtype=np.float32)
     links = np.zeros(0, dtype=np.uint16)
     if target == "unknown":
         target_offset = rng.uniform(-30, 30, 2).astype(np.float32)
-        links = np.flatnonzero(beacon)[:20].astype(np.uint16)
+        links = np.flatnonzero(beacon)[:MAX_TARGET_LINKS].astype(np.uint16)
     elif target == "known":
-        anchor = offsets[int(rng.integers(viewpoints))]
+        anchor = offsets[int(rng.integers(viewpoints))] / STEP_UNITS
         target_offset = (anchor + rng.uniform(-0.5, 0.5, 2)).astype(np.float32)
-        distance = np.hypot(*(offsets - target_offset).T)
+        distance = np.hypot(*(offsets / STEP_UNITS - target_offset).T)
         links = np.sort(np.argsort(distance, kind="stable")[: int(rng.integers(1, 13))]).astype(np.uint16)
     return Observation(
         offsets=offsets,
         utility=utility,
         visited=visited,
         beacon=beacon,
-        edges=edges,
+        degree=np.bincount(ends[:, 0], minlength=viewpoints).astype(np.uint8),
+        neighbours=ends[:, 1].astype(np.uint16),
+        bent=bent.astype(np.uint32),
+        bent_length=(straight[bent] * rng.uniform(1.0, 2.0, len(bent)) + 0.1).astype(np.float32),
         robot=robot,
         has_target=target != "none",
         target_known=target == "known",
@@ -78,12 +89,17 @@ def random_batch(
     count: int,
     viewpoints: tuple[int, int] = (2, 40),
     targets: tuple[Target, ...] = TARGETS,
+    *,
+    lattice: bool = False,
 ) -> ObservationBatch:
     """Stack ``count`` random observations with sizes drawn from the range ``viewpoints``, both ends included."""
     return ObservationBatch.stack(
         [
             random_observation(
-                rng, int(rng.integers(viewpoints[0], viewpoints[1] + 1)), targets[rng.integers(len(targets))]
+                rng,
+                int(rng.integers(viewpoints[0], viewpoints[1] + 1)),
+                targets[rng.integers(len(targets))],
+                lattice=lattice,
             )
             for _ in range(count)
         ]
@@ -93,36 +109,36 @@ def random_batch(
 def observations(max_viewpoints: int = 40) -> st.SearchStrategy[Observation]:
     """Strategy of random observations of all kinds, the smallest graphs included."""
     return st.builds(
-        lambda seed, viewpoints, target, useful, share: random_observation(
-            np.random.default_rng(seed), viewpoints, target, useful, share
+        lambda seed, viewpoints, target, useful, share, lattice: random_observation(
+            np.random.default_rng(seed), viewpoints, target, useful, share, lattice=lattice
         ),
         st.integers(0, 2**32 - 1),
         st.integers(2, max_viewpoints),
         st.sampled_from(TARGETS),
         st.floats(0.0, 1.0),
         st.floats(0.0, 1.0),
+        st.booleans(),
     )
 
 
-def _grow(rng: np.random.Generator, count: int) -> tuple[np.ndarray, list[tuple[tuple[int, int], tuple[int, int]]]]:
-    """Grow ``count`` lattice points from the origin by random walks; return them and the edges of growth."""
-    points = [(0, 0)]
+def _grow(rng: np.random.Generator, count: int, lattice: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Grow a tree of viewpoints by random walks over squares.
+
+    Returns:
+        The square of each viewpoint, row-major, shape (count, 2), and the edges of the tree, shape (count - 1, 2).
+    """
+    squares = [(0, 0)]
     taken = {(0, 0)}
     tree = []
-    while len(points) < count:
-        here = points[int(rng.integers(len(points)))]
-        step = NEIGHBOUR_OFFSETS[int(rng.integers(NEIGHBOUR_COUNT))]
-        there = (here[0] + int(step[0]), here[1] + int(step[1]))
-        if there not in taken:
+    while len(squares) < count:
+        here = int(rng.integers(len(squares)))
+        step = _BLOCK[int(rng.integers(len(_BLOCK)))]
+        there = (squares[here][0] + int(step[0]), squares[here][1] + int(step[1]))
+        if there not in taken or not (lattice or rng.random() < 0.8):
+            tree.append((here, len(squares)))
             taken.add(there)
-            points.append(there)
-            tree.append((here, there))
-    return np.array(points, dtype=np.int64), tree
-
-
-def _connect(edges: np.ndarray, number: dict[tuple[int, int], int], a: tuple[int, int], b: tuple[int, int]) -> None:
-    """Set the bit of the edge at both ends."""
-    step = (b[0] - a[0], b[1] - a[1])
-    k = next(k for k in range(NEIGHBOUR_COUNT) if tuple(NEIGHBOUR_OFFSETS[k]) == step)
-    edges[number[a]] |= np.uint32(1 << k)
-    edges[number[b]] |= np.uint32(1 << (NEIGHBOUR_COUNT - 1 - k))
+            squares.append(there)
+    found = np.array(squares, dtype=np.int64)
+    order = np.lexsort((found[:, 0], found[:, 1]))
+    number = np.argsort(order)
+    return found[order], np.sort(number[np.array(tree)], axis=1)

@@ -266,7 +266,7 @@ class ReplayConfig(Section):
 
     capacity: Annotated[int, Field(ge=100)] = 100_000
     """Transitions held at most; the oldest go first."""
-    max_bytes: Annotated[int, Field(ge=1_000_000)] = 500_000_000
+    max_bytes: Annotated[int, Field(ge=30_000_000)] = 500_000_000
     """Memory held at most, bytes."""
     min_steps: Annotated[int, Field(ge=1)] = 2_000
     """Steps to collect before the first update."""

@@ -84,7 +84,7 @@ def _read_chunk(fields: Fields) -> Chunk:
 
 def _read_observations(fields: Fields, k: int) -> ObservationBatch:
     utility = fields.array("utility", np.uint16, (None,))
-    links = fields.array("target_links", np.uint16, (None,))
+    bent = fields.array("bent", np.uint32, (None,))
     n = len(utility)
     batch = ObservationBatch(
         count=fields.array("count", np.int32, (k,)),
@@ -92,13 +92,18 @@ def _read_observations(fields: Fields, k: int) -> ObservationBatch:
         utility=utility,
         visited=fields.array("visited", np.bool_, (n,)),
         beacon=fields.array("beacon", np.bool_, (n,)),
-        edges=fields.array("edges", np.uint32, (n,)),
+        degree=fields.array("degree", np.uint8, (n,)),
+        edge_count=fields.array("edge_count", np.int32, (k,)),
+        neighbours=fields.array("neighbours", np.uint16, (None,)),
+        bent_count=fields.array("bent_count", np.int32, (k,)),
+        bent=bent,
+        bent_length=fields.array("bent_length", np.float32, (len(bent),)),
         robot=fields.array("robot", np.int32, (k,)),
         has_target=fields.array("has_target", np.bool_, (k,)),
         target_known=fields.array("target_known", np.bool_, (k,)),
         target_offset=fields.array("target_offset", np.float32, (k, 2)),
         link_count=fields.array("link_count", np.int32, (k,)),
-        target_links=links,
+        target_links=fields.array("target_links", np.uint16, (None,)),
     )
     fields.finish()
     check_observations(batch, fields.path)

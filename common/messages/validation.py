@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -9,31 +10,54 @@ from numpy.typing import NDArray
 
 from common.errors import MessageError
 from common.jit import njit
-from common.observation import MAX_OFFSET, MAX_TARGET_LINKS, MAX_VIEWPOINTS, NEIGHBOUR_COUNT, ObservationBatch
-from common.observation_index import NEIGHBOUR_BITS
+from common.observation import (
+    MAX_DEGREE,
+    MAX_EDGE_LENGTH,
+    MAX_OFFSET,
+    MAX_TARGET_LINKS,
+    MAX_VIEWPOINTS,
+    STEP_UNITS,
+    ObservationBatch,
+)
+from common.observation_index import waypoint_counts
 
-# Field and problem of each code that the kernels return; {0} is the step, {1} the viewpoint (or link) within it.
+# Field and problem of each code that the kernels return; {0} is the step, {1} the viewpoint, edge or link within it.
 _PROBLEMS = {
     1: ("offsets", f"must stay within {MAX_OFFSET} lattice steps; observation {{0}}, viewpoint {{1}} does not"),
-    2: ("offsets", "must be strictly row-major (by dy, then dx); observation {0} is not at viewpoint {1}"),
-    3: ("robot", "must be a viewpoint of its observation; that of observation {0} is not"),
-    4: ("robot", "must stand at offset (0, 0); that of observation {0} does not"),
-    5: ("edges", f"must be below 2**{NEIGHBOUR_COUNT}; observation {{0}}, viewpoint {{1}} is not"),
-    6: ("edges", "must lead to viewpoints; one of observation {0}, viewpoint {1} leads nowhere"),
-    7: ("edges", "must be symmetric; one of observation {0}, viewpoint {1} has no way back"),
-    8: ("target_known", "needs a target; observation {0} has none"),
-    9: ("target_offset", "must be finite and within {1} lattice steps; that of observation {0} is not"),
-    10: ("target_offset", "must be (0, 0) without a target; that of observation {0} is not"),
-    11: ("link_count", "must be 0 without a target; that of observation {0} is not"),
-    12: ("target_links", "must be viewpoints of their observation; link {1} of observation {0} is not"),
-    13: ("target_links", "must not repeat; link {1} of observation {0} does"),
+    2: ("robot", "must be a viewpoint of its observation; that of observation {0} is not"),
+    3: ("robot", "must stand at offset (0, 0); that of observation {0} does not"),
+    4: ("edge_count", "must be the sum of the degrees; that of observation {0} is not"),
+    5: ("neighbours", "must be viewpoints with a higher number; edge {1} of observation {0} leads elsewhere"),
+    6: ("neighbours", "must ascend strictly within a viewpoint; edge {1} of observation {0} does not"),
+    7: (
+        "neighbours",
+        f"must give a viewpoint {MAX_DEGREE} neighbours at most, lower ones included; "
+        "observation {0}, viewpoint {1} has more",
+    ),
+    8: ("bent", "must be edges of their observation; entry {1} of observation {0} is not"),
+    9: ("bent", "must ascend strictly; entry {1} of observation {0} does not"),
+    10: (
+        "bent_length",
+        f"must be from the straight distance to {MAX_EDGE_LENGTH:g} lattice steps; entry {{1}} of observation {{0}} "
+        "is not",
+    ),
+    11: ("target_known", "needs a target; observation {0} has none"),
+    12: ("target_offset", "must be finite and within {1} lattice steps; that of observation {0} is not"),
+    13: ("target_offset", "must be (0, 0) without a target; that of observation {0} is not"),
+    14: ("link_count", "must be 0 without a target; that of observation {0} is not"),
+    15: ("target_links", "must be viewpoints of their observation; link {1} of observation {0} is not"),
+    16: ("target_links", "must not repeat; link {1} of observation {0} does"),
 }
 _CHOICE_PROBLEMS = {
     1: ("beacons", "must be beacons of their observation; node {1} at step {0} is not"),
     2: ("waypoints", "must be neighbours of the robot; node {1} at step {0} is not"),
     3: ("labels.beacon", "must be -1 or a beacon of its observation; node {1} at step {0} is not"),
 }
+_LARGEST_OFFSET = MAX_OFFSET * STEP_UNITS
 _TARGET_BOUND = 2 * MAX_OFFSET
+# Lattice steps. Each end of an edge lies up to half a unit from its place along both axes, so the straight distance is
+# known this well; the rest is for the rounding of float32.
+_LENGTH_TOLERANCE = 1.5 / STEP_UNITS
 
 
 def check_observations(batch: ObservationBatch, path: str) -> None:
@@ -48,27 +72,25 @@ def check_observations(batch: ObservationBatch, path: str) -> None:
     Raises:
         MessageError: naming the field, the observation and the viewpoint.
     """
-    count, total = batch.count, len(batch.utility)
+    count = batch.count
     if len(count) == 0 or int(count.min()) < 1 or int(count.max()) > MAX_VIEWPOINTS:
         raise MessageError(f"{path}.count", f"must hold at least one number from 1 to {MAX_VIEWPOINTS}")
-    if int(count.sum(dtype=np.int64)) != total:
-        raise MessageError(f"{path}.count", f"must add up to the {total} viewpoints that came")
-    links = batch.link_count
-    if int(links.min()) < 0 or int(links.max()) > MAX_TARGET_LINKS:
+    if int(batch.link_count.max()) > MAX_TARGET_LINKS:
         raise MessageError(f"{path}.link_count", f"must hold numbers from 0 to {MAX_TARGET_LINKS}")
-    if int(links.sum(dtype=np.int64)) != len(batch.target_links):
-        raise MessageError(f"{path}.link_count", f"must add up to the {len(batch.target_links)} links that came")
+    for name, what, came in (
+        ("count", "viewpoints", len(batch.utility)),
+        ("edge_count", "neighbours", len(batch.neighbours)),
+        ("bent_count", "bent edges", len(batch.bent)),
+        ("link_count", "links", len(batch.target_links)),
+    ):
+        counts: NDArray[np.int32] = getattr(batch, name)
+        if int(counts.min()) < 0 or int(counts.sum(dtype=np.int64)) != came:
+            raise MessageError(f"{path}.{name}", f"must be at least 0 and add up to the {came} {what} that came")
     code, step, place = _sweep(
-        count,
-        batch.offsets,
-        batch.edges,
-        batch.robot,
-        batch.has_target,
-        batch.target_known,
-        batch.target_offset,
-        links,
-        batch.target_links,
-        NEIGHBOUR_BITS,
+        (count, batch.offsets, batch.robot),
+        (batch.degree, batch.edge_count, batch.neighbours),
+        (batch.bent_count, batch.bent, batch.bent_length),
+        (batch.has_target, batch.target_known, batch.target_offset, batch.link_count, batch.target_links),
     )
     if code:
         field, problem = _PROBLEMS[code]
@@ -98,10 +120,11 @@ def check_choices(
         MessageError: naming the field and the step.
     """
     expert = np.full(len(beacons), -1, dtype=np.int32) if expert_beacons is None else expert_beacons
-    code, step, node, choices = _sweep_choices(
+    code, step, node = _sweep_choices(
         batch.count,
-        batch.offsets,
-        batch.edges,
+        batch.degree,
+        batch.edge_count,
+        batch.neighbours,
         batch.beacon,
         batch.robot,
         batch.target_known,
@@ -110,87 +133,99 @@ def check_choices(
         beacons,
         waypoints,
         expert,
-        NEIGHBOUR_BITS,
     )
     if code:
         field, problem = _CHOICE_PROBLEMS[code]
         raise MessageError(f"{path}.{field}", problem.format(step, node))
-    return int(choices)
+    return int(waypoint_counts(batch)[: len(beacons)].sum())
 
 
 @njit(cache=True, nogil=True)
-def _sweep(  # type: ignore[no-untyped-def]
-    count, offsets, edges, robot, has_target, target_known, target_offset, link_count, target_links, bits
-) -> Any:
+def _sweep(graphs, edges, ways, targets) -> Any:  # type: ignore[no-untyped-def]
     """Return (code, observation, place) of the first violation, code 0 without one."""
-    row = np.int64(1 << 20)
-    keys = np.empty(len(edges), dtype=np.int64)
-    seen = np.zeros(len(edges), dtype=np.uint32)
+    count, offsets, robot = graphs
+    degree, edge_count, neighbours = edges
+    bent_count, bent, bent_length = ways
+    has_target, target_known, target_offset, link_count, target_links = targets
+    neighbours_in_all = np.empty(count.max(), dtype=np.int32)
     first = 0
+    edge = 0
+    way = 0
     link = 0
     for step in range(len(count)):
-        last = first + count[step]
-        for i in range(first, last):
-            right, up = np.int64(offsets[i, 0]), np.int64(offsets[i, 1])
-            if abs(right) > MAX_OFFSET or abs(up) > MAX_OFFSET:
-                return 1, step, i - first
-            keys[i] = up * row + right
-            if i > first and keys[i] <= keys[i - 1]:
-                return 2, step, i - first
-            if edges[i] >> np.uint32(NEIGHBOUR_COUNT):
-                return 5, step, i - first
-        if robot[step] < 0 or robot[step] >= count[step]:
+        n = count[step]
+        degrees = 0
+        for i in range(n):
+            if abs(np.int64(offsets[first + i, 0])) > _LARGEST_OFFSET:
+                return 1, step, i
+            if abs(np.int64(offsets[first + i, 1])) > _LARGEST_OFFSET:
+                return 1, step, i
+            degrees += degree[first + i]
+            neighbours_in_all[i] = degree[first + i]
+        if robot[step] < 0 or robot[step] >= n:
+            return 2, step, 0
+        if offsets[first + robot[step], 0] != 0 or offsets[first + robot[step], 1] != 0:
             return 3, step, 0
-        if keys[first + robot[step]] != 0:
+        if degrees != edge_count[step]:
             return 4, step, 0
-        # Every pair is looked at from its row-major first end: three cursors that only move forward.
-        for dy in range(3):
-            cursor = first
-            for i in range(first, last):
-                middle = keys[i] + dy * row
-                lowest = middle + 1 if dy == 0 else middle - 2
-                while cursor < last and keys[cursor] < lowest:
-                    cursor += 1
-                j = cursor
-                while j < last and keys[j] <= middle + 2:
-                    bit = bits[dy + 2, keys[j] - middle + 2]
-                    if bit >= 0:
-                        there = np.uint32(1) << np.uint32(bit)
-                        back = np.uint32(1) << np.uint32(NEIGHBOUR_COUNT - 1 - bit)
-                        if (edges[i] & there != 0) != (edges[j] & back != 0):
-                            return 7, step, (i if edges[i] & there else j) - first
-                        seen[i] |= there
-                        seen[j] |= back
-                    j += 1
-        for i in range(first, last):
-            if edges[i] & ~seen[i]:
-                return 6, step, i - first
+        for a in range(way, way + bent_count[step]):
+            if bent[a] >= edge_count[step]:
+                return 8, step, a - way
+            if a > way and bent[a] <= bent[a - 1]:
+                return 9, step, a - way
+        first_edge = edge
+        first_way = way
+        last_way = way + bent_count[step]
+        for i in range(n):
+            lower = np.int64(i)
+            for e in range(edge, edge + degree[first + i]):
+                j = np.int64(neighbours[e])
+                if j <= i or j >= n:
+                    return 5, step, e - first_edge
+                if j <= lower:
+                    return 6, step, e - first_edge
+                lower = j
+                neighbours_in_all[j] += 1
+                if way < last_way and bent[way] == e - first_edge:
+                    dx = (np.int64(offsets[first + i, 0]) - offsets[first + j, 0]) / STEP_UNITS
+                    dy = (np.int64(offsets[first + i, 1]) - offsets[first + j, 1]) / STEP_UNITS
+                    shortest = math.sqrt(dx * dx + dy * dy) - _LENGTH_TOLERANCE
+                    length = bent_length[way]
+                    # Written so that NaN fails.
+                    if not (length > 0.0 and shortest <= length <= MAX_EDGE_LENGTH):
+                        return 10, step, way - first_way
+                    way += 1
+            edge += degree[first + i]
+        for i in range(n):
+            if neighbours_in_all[i] > MAX_DEGREE:
+                return 7, step, i
         x, y = target_offset[step, 0], target_offset[step, 1]
         if not (abs(x) <= _TARGET_BOUND and abs(y) <= _TARGET_BOUND):
-            return 9, step, _TARGET_BOUND
+            return 12, step, _TARGET_BOUND
         if not has_target[step]:
             if target_known[step]:
-                return 8, step, 0
-            if x != 0 or y != 0:
-                return 10, step, 0
-            if link_count[step] != 0:
                 return 11, step, 0
+            if x != 0 or y != 0:
+                return 13, step, 0
+            if link_count[step] != 0:
+                return 14, step, 0
         for a in range(link_count[step]):
-            if target_links[link + a] >= count[step]:
-                return 12, step, a
+            if target_links[link + a] >= n:
+                return 15, step, a
             for b in range(a):
                 if target_links[link + a] == target_links[link + b]:
-                    return 13, step, a
+                    return 16, step, a
         link += link_count[step]
-        first = last
+        first += n
     return 0, 0, 0
 
 
 @njit(cache=True, nogil=True)
 def _sweep_choices(  # type: ignore[no-untyped-def]
     count,
-    offsets,
-    edges,
+    degree,
+    edge_count,
+    neighbours,
     beacon,
     robot,
     target_known,
@@ -199,40 +234,36 @@ def _sweep_choices(  # type: ignore[no-untyped-def]
     beacons,
     waypoints,
     expert,
-    bits,
 ) -> Any:
-    """Return (code, step, node, waypoint choices of all steps); code 0 without a violation."""
+    """Return (code, step, node) of the first violation, code 0 without one."""
     first = 0
+    edge = 0
     link = 0
-    choices = 0
     for step in range(len(beacons)):
         n = count[step]
-        here = first + robot[step]
-        linked = False
-        if target_known[step]:
-            for a in range(link, link + link_count[step]):
-                linked = linked or target_links[a] == robot[step]
         for role in range(2):
             node = beacons[step] if role == 0 else expert[step]
             known = 0 <= node < n and beacon[first + node]
             target = node == n and target_known[step]
             nothing = role == 1 and node == -1
             if not (known or target or nothing):
-                return (1 if role == 0 else 3), step, node, 0
+                return (1 if role == 0 else 3), step, node
         node = waypoints[step]
-        valid = node == n and linked
+        valid = False
         if 0 <= node < n:
-            dx = np.int64(offsets[first + node, 0]) - offsets[here, 0]
-            dy = np.int64(offsets[first + node, 1]) - offsets[here, 1]
-            if abs(dx) <= 2 and abs(dy) <= 2 and bits[dy + 2, dx + 2] >= 0:
-                valid = (edges[here] >> np.uint32(bits[dy + 2, dx + 2])) & np.uint32(1) != 0
+            # The lower one of the two lists the other.
+            low, high = min(node, robot[step]), max(node, robot[step])
+            start = edge
+            for i in range(low):
+                start += degree[first + i]
+            for e in range(start, start + degree[first + low]):
+                valid = valid or neighbours[e] == high
+        elif node == n and target_known[step]:
+            for a in range(link, link + link_count[step]):
+                valid = valid or target_links[a] == robot[step]
         if not valid:
-            return 2, step, node, 0
-        mask = edges[here]
-        while mask:
-            mask &= mask - np.uint32(1)
-            choices += 1
-        choices += 1 if linked else 0
+            return 2, step, node
         first += n
+        edge += edge_count[step]
         link += link_count[step]
-    return 0, 0, 0, choices
+    return 0, 0, 0

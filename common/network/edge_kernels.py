@@ -18,7 +18,7 @@ def edge_kernels(head: int) -> tuple[Kernel, Kernel]:
     """Return (forward, backward) for heads of size ``head``.
 
     ``forward(qkv, neighbours, out, weights, first, last)`` reads queries, keys and values side by side, float32
-    (nodes, 3 d), and writes the attended values (nodes, d) and the attention weights (nodes, 22, heads) of nodes
+    (nodes, 3 d), and writes the attended values (nodes, d) and the attention weights (nodes, slots, heads) of nodes
     ``first`` to ``last``; weights of absent neighbours stay as they were.
     ``backward(grad, qkv, neighbours, weights, grad_qkv, first, last)`` adds to ``grad_qkv``. No edge leaves its
     observation, so ranges of whole observations may run side by side.

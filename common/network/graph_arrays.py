@@ -11,13 +11,10 @@ from common.config.schema import NetworkConfig
 from common.features import FEATURE_NAMES, feature_count, node_features
 from common.jit import njit
 from common.network.reduction import kept_rows, renumbered
-from common.observation import NEIGHBOUR_COUNT, ObservationBatch
-from common.observation_index import neighbour_table
+from common.observation import ObservationBatch
+from common.observation_index import EXTRA_SLOTS, LINK_SLOT, neighbour_table
 
 _BEACON = FEATURE_NAMES["paper"].index("beacon")
-SELF_SLOT = NEIGHBOUR_COUNT
-LINK_SLOT = NEIGHBOUR_COUNT + 1
-SLOTS = NEIGHBOUR_COUNT + 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,8 +29,8 @@ class GraphArrays:
 
     Attributes:
         features: float32, shape (nodes, F), see `common.features`.
-        neighbours: rows that a node attends to, -1 where absent, int32, shape (nodes, 22): the 20 lattice
-            neighbours, the node itself, and the target where it is linked. A target has its links in the first 20.
+        neighbours: rows that a node attends to, -1 where absent, int32, shape (nodes, W + 2): its neighbours, itself,
+            and the target where it is linked, as `common.observation_index.NeighbourTable` lays them out.
         node_ptr: first row of each observation, then the number of rows, int64, shape (k + 1,).
         robot_rows: row of the robot's node, int64, shape (k,).
         beacon_rows: rows of all beacons, ascending, int64, shape (total beacons,); an index into it is a *beacon
@@ -68,17 +65,12 @@ class GraphArrays:
     @classmethod
     def from_observations(cls, batch: ObservationBatch, config: NetworkConfig) -> GraphArrays:
         """Build the arrays of a batch for a network of ``config``."""
-        table = neighbour_table(batch.count, batch.offsets, batch.edges)
-        node_ptr = np.zeros(len(batch) + 1, dtype=np.int64)
-        np.cumsum(batch.count + batch.has_target, out=node_ptr[1:])
-        neighbours = np.full((int(node_ptr[-1]), SLOTS), -1, dtype=np.int32)
-        _fill_neighbours(
-            batch.count, table, batch.has_target, batch.link_count, batch.target_links, node_ptr, neighbours
-        )
+        table = neighbour_table(batch)
+        neighbours, node_ptr = table.rows, table.node_ptr
         robot_rows = node_ptr[:-1] + batch.robot
         nodes = np.arange(len(neighbours)) - np.repeat(node_ptr[:-1], np.diff(node_ptr))
         if config.graph == "reduced":
-            features = node_features(batch, neighbours, node_ptr, "extended")
+            features = node_features(batch, table, "extended")
             kept = kept_rows(features, neighbours, robot_rows)
             place = np.where(kept, np.cumsum(kept) - 1, -1)
             neighbours = renumbered(neighbours, kept, place)
@@ -86,7 +78,7 @@ class GraphArrays:
             node_ptr = np.append(0, np.cumsum(kept))[node_ptr]
             nodes, robot_rows = nodes[kept], place[robot_rows]
         else:
-            features = node_features(batch, neighbours, node_ptr, config.features)
+            features = node_features(batch, table, config.features)
         hierarchical = config.variant != "vanilla"
         if hierarchical:
             beacon_rows = np.flatnonzero(features[:, _BEACON] > 0.0)
@@ -156,45 +148,15 @@ class GraphArrays:
 
 
 @njit(cache=True, nogil=True)
-def _fill_neighbours(
-    count: NDArray[np.int32],
-    table: NDArray[np.int32],
-    has_target: NDArray[np.bool_],
-    link_count: NDArray[np.int32],
-    target_links: NDArray[np.uint16],
-    node_ptr: NDArray[np.int64],
-    neighbours: NDArray[np.int32],
-) -> None:
-    view = 0
-    link = 0
-    for g in range(len(count)):
-        first = node_ptr[g]
-        for i in range(count[g]):
-            for slot in range(NEIGHBOUR_COUNT):
-                other = table[view + i, slot]
-                if other >= 0:
-                    neighbours[first + i, slot] = other - view + first
-            neighbours[first + i, SELF_SLOT] = first + i
-        if has_target[g]:
-            target = first + count[g]
-            neighbours[target, SELF_SLOT] = target
-            for slot in range(link_count[g]):
-                linked = first + target_links[link + slot]
-                neighbours[target, slot] = linked
-                neighbours[linked, LINK_SLOT] = target
-        view += count[g]
-        link += link_count[g]
-
-
-@njit(cache=True, nogil=True)
 def _waypoint_sets(
     neighbours: NDArray[np.int32], robot_rows: NDArray[np.int64], target_known: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    rows = np.empty(len(robot_rows) * (NEIGHBOUR_COUNT + 1), dtype=np.int64)
+    width = neighbours.shape[1] - EXTRA_SLOTS
+    rows = np.empty(len(robot_rows) * (width + 1), dtype=np.int64)
     ptr = np.zeros(len(robot_rows) + 1, dtype=np.int64)
     at = 0
     for g in range(len(robot_rows)):
-        for slot in range(NEIGHBOUR_COUNT):
+        for slot in range(width):
             other = neighbours[robot_rows[g], slot]
             if other >= 0:
                 rows[at] = other

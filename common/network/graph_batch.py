@@ -21,7 +21,7 @@ class GraphBatch:
     Attributes:
         arrays: the same on the host, with the meaning of every field and the helpers that find slots.
         features: float32, shape (nodes, F).
-        neighbours: int32, shape (nodes, 22), -1 where absent.
+        neighbours: int32, shape (nodes, W + 2), -1 where absent.
         node_ptr: int64, shape (k + 1,).
         node_graph: observation of each node, int64, shape (nodes,).
         robot_rows: int64, shape (k,).

@@ -15,7 +15,7 @@ from common.config.schema import NetworkConfig
 from common.jit import njit
 from common.network.cross_kernels import cross_kernels
 from common.network.edge_kernels import edge_kernels
-from common.network.graph_arrays import SLOTS, GraphArrays
+from common.network.graph_arrays import GraphArrays
 from common.network.parameters import Arrays
 
 _EPSILON = 1e-5
@@ -65,14 +65,14 @@ class InferenceNetwork:
 
     def _encode(self, graph: GraphArrays) -> Array:
         weights, width = self._weights, self.config.width
-        count = len(graph.features)
+        count, slots = graph.neighbours.shape
         nodes = self._buffer("nodes", count, width)
         normed = self._buffer("normed", count, width)
         mixed = self._buffer("mixed", count, width)
         change = self._buffer("change", count, width)
         qkv = self._buffer("qkv", count, 3 * width)
         hidden = self._buffer("hidden", count, self.config.feedforward * width)
-        shares = self._buffer("shares", count, SLOTS * self.config.heads).reshape(count, SLOTS, -1)
+        shares = self._buffer("shares", count, slots * self.config.heads).reshape(count, slots, -1)
         np.matmul(graph.features, weights["encoder.embedding.weight"], out=nodes)
         bias = weights["encoder.embedding.bias"]
         change[:] = 0.0

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from common.errors import CheckpointError
 from common.network.graph_arrays import GraphArrays
+from common.observation_index import EXTRA_SLOTS
 
 Array = NDArray[np.float32]
 
@@ -21,7 +22,8 @@ class OnnxNetwork:
         threads: that a decision may use.
 
     Raises:
-        CheckpointError: onnxruntime is not installed, or cannot run this model.
+        CheckpointError: onnxruntime is not installed, cannot run this model, or the model is of an earlier
+            release and takes graphs of a fixed number of neighbours.
     """
 
     def __init__(self, model: bytes, threads: int = 1) -> None:
@@ -40,7 +42,15 @@ class OnnxNetwork:
         # onnxruntime raises errors of its own kinds, which share no base but Exception.
         except Exception as error:
             raise CheckpointError(f"onnxruntime {onnxruntime.__version__} cannot run this model: {error}") from error
-        self._inputs = {each.name for each in self._session.get_inputs()}
+        inputs = {each.name: each.shape for each in self._session.get_inputs()}
+        shape = inputs.get("neighbours")
+        if shape and isinstance(shape[-1], int):
+            raise CheckpointError(
+                f"this ONNX model is of an earlier release, in which a viewpoint had {shape[-1] - EXTRA_SLOTS} "
+                "neighbours at most: export the policy again with `hd-learner export --format onnx`, or use its "
+                ".safetensors file"
+            )
+        self._inputs = set(inputs)
 
     def __call__(self, graph: GraphArrays) -> tuple[Array, Array]:
         """Return log π_b, shape (beacons,), and log π_a given each beacon, shape (beacons, waypoints).

@@ -11,9 +11,9 @@ from torch import Tensor
 
 from common.config.schema import RunConfig
 from common.network.graph_batch import GraphBatch
+from common.observation_index import waypoint_counts
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.cloning import Guidance
-from learner.replay.gather import waypoint_counts
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 import threading
-from typing import TypeVar
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.messages.experience import Chunk, Delivery, End, ExpertLabels
 from common.observation import ObservationBatch
+from common.observation_index import waypoint_counts
 from learner.algorithm.batch import TransitionBatch
-from learner.replay.gather import gather_viewpoints, waypoint_counts
-from learner.replay.memory import SlotColumns, ViewpointRing, plan_memory
-
-T = TypeVar("T", bound=np.generic)
+from learner.replay.gather import gather
+from learner.replay.memory import (
+    BENT,
+    COSTS,
+    EDGES,
+    KINDS,
+    LINKS,
+    ROW_BYTES,
+    VIEWPOINTS,
+    Ring,
+    SlotColumns,
+    plan_memory,
+)
 
 StepKey = tuple[str, int, int, int]
 """One step of the whole system: (actor, incarnation, episode, step)."""
@@ -43,12 +54,13 @@ class Replay:
     def __init__(self, capacity: int, max_bytes: int) -> None:
         self.capacity = capacity
         self.max_bytes = max_bytes
-        slots, rows = plan_memory(capacity, max_bytes)
+        slots, self._ring_bytes = plan_memory(capacity, max_bytes)
         self._lock = threading.Lock()
         self._slots = slots
         self._columns = SlotColumns.allocate(slots)
         self._slot_bytes = SlotColumns.row_bytes()
-        self._ring = ViewpointRing(rows)
+        self._rings = [Ring(kind, self._ring_bytes) for kind in KINDS]
+        self._live_bytes = 0
         # Arrival numbers count for ever: the observations here are those from _oldest to _next - 1.
         self._oldest = 0
         self._next = 0
@@ -65,13 +77,13 @@ class Replay:
     @property
     def fill(self) -> float:
         """Share of the capacity in use, by transitions or by bytes, whichever is nearer to its limit; 0 to 1."""
-        by_bytes = self._ring.live / self._ring.limit
+        by_bytes = self._live_bytes / self._ring_bytes
         return min(1.0, max(self._transitions / self.capacity, by_bytes))
 
     @property
     def bytes(self) -> int:
         """Memory in use, bytes."""
-        return self._ring.live * ViewpointRing.ROW_BYTES + min(self._next, self._slots) * self._slot_bytes
+        return self._live_bytes + min(self._next, self._slots) * self._slot_bytes
 
     @property
     def observations(self) -> int:
@@ -152,53 +164,41 @@ class Replay:
     # --- storing -----------------------------------------------------------------------------------------------
 
     def _store_observations(self, chunk: Chunk) -> int:
-        """Append all observations of a chunk; return the arrival number of the first."""
-        batch = chunk.observations
+        """Append all observations of a chunk, with their labels; return the arrival number of the first."""
         first_arrival = self._next
-        ends = np.concatenate(([0], np.cumsum(batch.count, dtype=np.int64)))
-        link_ends = np.concatenate(([0], np.cumsum(batch.link_count, dtype=np.int64)))
-        choices = waypoint_counts(batch)
-        if int(ends[-1]) <= ViewpointRing.LARGEST_PIECE // 2:
-            self._store_piece(batch, 0, len(batch), ends, link_ends, choices)
+        choices = waypoint_counts(chunk.observations)
+        ragged = _RaggedParts.of(chunk, choices)
+        count = len(chunk.observations)
+        if (ragged.ends[-1] <= [ring.largest for ring in self._rings]).all():
+            self._store_piece(chunk.observations, ragged, choices, 0, count)
         else:
-            for i in range(len(batch)):
-                self._store_piece(batch, i, i + 1, ends, link_ends, choices)
+            for i in range(count):
+                self._store_piece(chunk.observations, ragged, choices, i, i + 1)
         return first_arrival
 
     def _store_piece(
-        self,
-        batch: ObservationBatch,
-        low: int,
-        high: int,
-        ends: NDArray[np.int64],
-        link_ends: NDArray[np.int64],
-        choices: NDArray[np.int32],
+        self, batch: ObservationBatch, ragged: _RaggedParts, choices: NDArray[np.int32], low: int, high: int
     ) -> None:
-        """Append observations ``low`` to ``high - 1`` as one contiguous piece, after making room for it."""
-        begin, end = int(ends[low]), int(ends[high])
+        """Append observations ``low`` to ``high - 1``, contiguous in every ring, after making room for them."""
         count = high - low
-        ring, columns = self._ring, self._columns
-        while ring.live + end - begin > ring.limit or self.observations + count > self._slots:
+        columns = self._columns
+        begin, end = ragged.ends[low], ragged.ends[high]
+        size = int((end - begin) @ ROW_BYTES)
+        while self._live_bytes + size > self._ring_bytes or self.observations + count > self._slots:
             self._evict()
-        at = ring.place(end - begin)
-        target = slice(at, at + end - begin)
-        ring.offsets[target] = batch.offsets[begin:end]
-        ring.utility[target] = batch.utility[begin:end]
-        ring.visited[target] = batch.visited[begin:end]
-        ring.beacon[target] = batch.beacon[begin:end]
-        ring.edges[target] = batch.edges[begin:end]
+        self._live_bytes += size
+        places = [
+            ring.append(arrays, first, last)
+            for ring, arrays, first, last in zip(self._rings, ragged.arrays, begin.tolist(), end.tolist(), strict=True)
+        ]
         rows = np.arange(self._next, self._next + count) % self._slots
         part = slice(low, high)
-        columns.start[rows] = at + ends[low:high] - begin
-        columns.count[rows] = batch.count[part]
+        columns.first[rows] = ragged.ends[part] - begin + places
+        columns.length[rows] = ragged.length[part]
         columns.robot[rows] = batch.robot[part]
         columns.has_target[rows] = batch.has_target[part]
         columns.target_known[rows] = batch.target_known[part]
         columns.target_offset[rows] = batch.target_offset[part]
-        columns.link_count[rows] = batch.link_count[part]
-        for i in np.flatnonzero(batch.link_count[part]):
-            links = batch.target_links[link_ends[low + i] : link_ends[low + i + 1]]
-            columns.links[rows[i], : len(links)] = links
         columns.choices[rows] = choices[part]
         columns.step[rows] = False
         columns.successor[rows] = -1
@@ -208,7 +208,7 @@ class Replay:
         self._next += count
 
     def _store_steps(self, chunk: Chunk, first: int) -> None:
-        """Write actions, rewards and labels; join each step to its successor within the chunk."""
+        """Write actions, rewards and the expert's beacons; join each step to its successor within the chunk."""
         kept = max(first, self._oldest)  # a chunk larger than the buffer has lost its first observations already
         skip = kept - first
         steps = chunk.steps
@@ -228,17 +228,8 @@ class Replay:
         if chunk.end is End.TERMINAL:
             columns.terminal[rows[-1]] = True
         if chunk.labels is not None:
-            self._store_labels(chunk.labels, rows, skip, steps)
-
-    def _store_labels(self, labels: ExpertLabels, rows: NDArray[np.int64], skip: int, steps: int) -> None:
-        choices = self._columns.choices[rows]
-        total = len(labels.cost)
-        at = total - int(choices.sum())  # costs of skipped observations come first
-        for row, number in zip(rows, choices, strict=True):
-            self._columns.cost[row, :number] = labels.cost[at : at + number]
-            at += number
-        self._columns.labelled[rows] = True
-        self._columns.first_beacon[rows] = labels.beacon[skip:steps]
+            columns.labelled[rows] = True
+            columns.first_beacon[rows] = chunk.labels.beacon[skip:]
 
     def _link(self, delivery: Delivery, chunk: Chunk, first: int) -> None:
         """Join the chunk's ends to the chunks before and after it, or note them for when those come."""
@@ -292,7 +283,10 @@ class Replay:
             key = keys.pop(number, None)
             if key is not None:
                 del open_ends[key]
-        self._ring.free(int(columns.start[row]), int(columns.count[row]))
+        length = columns.length[row]
+        self._live_bytes -= int(length @ ROW_BYTES)
+        for ring, first, rows in zip(self._rings, columns.first[row].tolist(), length.tolist(), strict=True):
+            ring.free(first, rows)
         self._oldest += 1
 
     # --- sampling ----------------------------------------------------------------------------------------------
@@ -339,48 +333,75 @@ class Replay:
         )
 
     def _gather(self, rows: NDArray[np.int64]) -> ObservationBatch:
-        columns, ring = self._columns, self._ring
-        count = columns.count[rows]
-        total = int(count.sum())
-        batch = ObservationBatch(
-            count=count,
-            offsets=np.empty((total, 2), dtype=np.int16),
-            utility=np.empty(total, dtype=np.uint16),
-            visited=np.empty(total, dtype=np.bool_),
-            beacon=np.empty(total, dtype=np.bool_),
-            edges=np.empty(total, dtype=np.uint32),
+        columns = self._columns
+        length = np.ascontiguousarray(columns.length[rows].T)
+        offsets, utility, marks, degree = self._pieces(VIEWPOINTS, rows)
+        (neighbours,) = self._pieces(EDGES, rows)
+        bent, bent_length = self._pieces(BENT, rows)
+        (target_links,) = self._pieces(LINKS, rows)
+        return ObservationBatch(
+            count=length[VIEWPOINTS],
+            offsets=offsets,
+            utility=utility,
+            visited=(marks & 1) != 0,
+            beacon=(marks & 2) != 0,
+            degree=degree,
+            edge_count=length[EDGES],
+            neighbours=neighbours,
+            bent_count=length[BENT],
+            bent=bent,
+            bent_length=bent_length,
             robot=columns.robot[rows],
             has_target=columns.has_target[rows],
             target_known=columns.target_known[rows],
             target_offset=columns.target_offset[rows],
-            link_count=columns.link_count[rows],
-            target_links=_ragged(columns.links, rows, columns.link_count[rows]),
+            link_count=length[LINKS],
+            target_links=target_links,
         )
-        gather_viewpoints(
-            columns.start[rows],
-            count,
-            ring.offsets,
-            ring.utility,
-            ring.visited,
-            ring.beacon,
-            ring.edges,
-            batch.offsets,
-            batch.utility,
-            batch.visited,
-            batch.beacon,
-            batch.edges,
-        )
-        return batch
 
     def _labels(self, rows: NDArray[np.int64], labelled: NDArray[np.bool_]) -> ExpertLabels:
         columns = self._columns
         choices = columns.choices[rows]
-        cost = _ragged(columns.cost, rows, choices)
-        cost[~np.repeat(labelled, choices)] = 0.0
+        cost = np.zeros(int(choices.sum()), dtype=np.float32)
+        cost[np.repeat(labelled, choices)] = self._pieces(COSTS, rows[labelled])[0]
         return ExpertLabels(cost=cost, beacon=np.where(labelled, columns.first_beacon[rows], -1).astype(np.int32))
 
+    def _pieces(self, ring: int, rows: NDArray[np.int64]) -> list[NDArray[Any]]:
+        """Return the columns of a ring for some observations, one behind the other."""
+        first, length = self._columns.first[rows, ring], self._columns.length[rows, ring]
+        return [gather(array, first, length) for array in self._rings[ring].arrays]
 
-def _ragged(table: NDArray[T], rows: NDArray[np.int64], lengths: NDArray[np.int32]) -> NDArray[T]:
-    """Lay the first ``lengths[i]`` entries of ``table[rows[i]]`` behind one another."""
-    picked = table[rows]
-    return picked[np.arange(picked.shape[1]) < lengths[:, None]]
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _RaggedParts:
+    """What of a chunk of k observations goes into the rings.
+
+    Attributes:
+        arrays: the columns of each ring.
+        length: rows of each observation in each ring, int32, shape (k, 5).
+        ends: first row of each observation in the arrays, then their number of rows, int64, shape (k + 1, 5).
+    """
+
+    arrays: tuple[tuple[NDArray[Any], ...], ...]
+    length: NDArray[np.int32]
+    ends: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, chunk: Chunk, choices: NDArray[np.int32]) -> _RaggedParts:
+        """Lay out a chunk whose observations have ``choices`` waypoints, int32, shape (k,)."""
+        batch, labels = chunk.observations, chunk.labels
+        costs = np.zeros(len(batch), dtype=np.int32)
+        if labels is not None:
+            costs[: chunk.steps] = choices[: chunk.steps]
+        length = np.stack([batch.count, batch.edge_count, batch.bent_count, batch.link_count, costs], axis=1)
+        ends = np.zeros((len(batch) + 1, len(KINDS)), dtype=np.int64)
+        np.cumsum(length, axis=0, out=ends[1:])
+        marks = batch.visited + 2 * batch.beacon.view(np.uint8)
+        arrays = (
+            (batch.offsets, batch.utility, marks, batch.degree),
+            (batch.neighbours,),
+            (batch.bent, batch.bent_length),
+            (batch.target_links,),
+            (np.zeros(0, dtype=np.float32) if labels is None else labels.cost,),
+        )
+        return cls(arrays, length, ends)

@@ -1,24 +1,24 @@
-"""Memory of the replay buffer: columns of viewpoints in a ring, and fixed-size columns of observations.
+"""Memory of the replay buffer: rings for what differs in size from observation to observation, columns for the rest.
 
-Pages behind the ring's tail go back to the operating system, so that the resident memory follows the content.
+Pages behind a ring's tail go back to the operating system, so that the resident memory follows the content.
 """
 
 from __future__ import annotations
 
 import mmap
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import ConfigError
-from common.observation import MAX_TARGET_LINKS, MAX_VIEWPOINTS, NEIGHBOUR_COUNT
+from common.messages.experience_codec import MAX_STEPS
+from common.observation import MAX_DEGREE, MAX_TARGET_LINKS, MAX_VIEWPOINTS
 
-MAX_CHOICES = NEIGHBOUR_COUNT + 1
-"""Waypoints of one observation at most: all neighbours and the target."""
-
-_RELEASE_ROWS = 1 << 18
+# Freed rows are given back to the operating system when they are this many bytes.
+_RELEASE_BYTES = 1 << 21
 
 T = TypeVar("T", bound=np.generic)
 
@@ -28,71 +28,114 @@ class _Column(Generic[T]):
 
     def __init__(self, rows: int, dtype: type[T], width: int = 1) -> None:
         kind = np.dtype(dtype)
-        self._row_bytes = kind.itemsize * width
-        self._map = mmap.mmap(-1, max(rows * self._row_bytes, mmap.PAGESIZE))
+        self.row_bytes = kind.itemsize * width
+        # Private: pages of a shared mapping would stay in memory after they are given back.
+        self._map = mmap.mmap(-1, max(rows * self.row_bytes, mmap.PAGESIZE), flags=mmap.MAP_PRIVATE)
         flat: NDArray[T] = np.frombuffer(self._map, dtype=kind, count=rows * width)
         self.array: NDArray[T] = flat if width == 1 else flat.reshape(rows, width)
 
     def release(self, first: int, last: int) -> None:
         """Give back the whole pages within rows ``first`` to ``last``."""
         page = mmap.PAGESIZE
-        begin = -(-first * self._row_bytes // page) * page
-        end = last * self._row_bytes // page * page
+        begin = -(-first * self.row_bytes // page) * page
+        end = last * self.row_bytes // page * page
         if end > begin and hasattr(mmap, "MADV_DONTNEED"):
             self._map.madvise(mmap.MADV_DONTNEED, begin, end - begin)
 
 
-class ViewpointRing:
-    """Ring of viewpoint rows; every piece is contiguous, and pieces leave in the order in which they came.
-
-    With room for ``limit`` rows and two of the largest pieces, a piece always fits once the caller has evicted down
-    to ``limit``: what is evicted then depends on the order of arrival alone, never on positions in memory.
+@dataclass(frozen=True, slots=True)
+class RingKind:
+    """What a ring holds.
 
     Attributes:
-        offsets: int16, shape (rows, 2).
-        utility: uint16.
-        visited: bool.
-        beacon: bool.
-        edges: uint32.
-        limit: rows held at most.
-        live: rows held now.
+        columns: dtype and width of each column.
+        largest: rows of one piece at most: the largest observation fits, and so does a chunk of ordinary ones.
     """
 
-    ROW_BYTES = 12
-    LARGEST_PIECE = MAX_VIEWPOINTS
+    columns: tuple[tuple[type[np.generic], int], ...]
+    largest: int
 
-    def __init__(self, limit: int) -> None:
-        self.limit = limit
+    @property
+    def row_bytes(self) -> int:
+        """Bytes of one row over all columns."""
+        return sum(np.dtype(dtype).itemsize * width for dtype, width in self.columns)
+
+
+VIEWPOINTS, EDGES, BENT, LINKS, COSTS = range(5)
+"""Numbers of the rings."""
+KINDS = (
+    # Offsets, utility, visited + 2 beacon, degree.
+    RingKind(((np.int16, 2), (np.uint16, 1), (np.uint8, 1), (np.uint8, 1)), MAX_VIEWPOINTS),
+    # Neighbours.
+    RingKind(((np.uint16, 1),), MAX_VIEWPOINTS * MAX_DEGREE // 2),
+    # Bent edges and their lengths.
+    RingKind(((np.uint32, 1), (np.float32, 1)), MAX_VIEWPOINTS * MAX_DEGREE // 2),
+    # Target links.
+    RingKind(((np.uint16, 1),), MAX_TARGET_LINKS * (MAX_STEPS + 1)),
+    # The expert's cost of each waypoint: all neighbours and the target.
+    RingKind(((np.float32, 1),), (MAX_DEGREE + 1) * (MAX_STEPS + 1)),
+)
+ROW_BYTES = np.array([kind.row_bytes for kind in KINDS])
+"""Bytes of one row in each ring."""
+LARGEST_PIECE = sum(kind.largest * kind.row_bytes for kind in KINDS)
+"""Bytes in all rings that one piece takes at most."""
+
+
+class Ring:
+    """Ring of rows; every piece is contiguous, and pieces leave in the order in which they came.
+
+    With room for what ``max_bytes`` can hold and two of the largest pieces, a piece always fits once the caller has
+    evicted down to ``max_bytes``: what is evicted then depends on the order of arrival alone, never on positions in
+    memory.
+
+    Args:
+        kind: of the rows.
+        max_bytes: bytes of live rows at most.
+
+    Attributes:
+        arrays: the columns.
+        live: rows held now.
+        largest: rows of one piece at most.
+    """
+
+    def __init__(self, kind: RingKind, max_bytes: int) -> None:
         self.live = 0
-        self._rows = limit + 2 * self.LARGEST_PIECE
+        self.largest = kind.largest
+        self._row_bytes = kind.row_bytes
+        self._limit = max_bytes // kind.row_bytes
+        self._rows = self._limit + 2 * kind.largest
         self._head = 0
-        self._tail = 0
         self._freed = (0, 0)
-        offsets = _Column(self._rows, np.int16, 2)
-        utility = _Column(self._rows, np.uint16)
-        visited = _Column(self._rows, np.bool_)
-        beacon = _Column(self._rows, np.bool_)
-        edges = _Column(self._rows, np.uint32)
-        self._columns = (offsets, utility, visited, beacon, edges)
-        self.offsets, self.utility, self.edges = offsets.array, utility.array, edges.array
-        self.visited, self.beacon = visited.array, beacon.array
+        self._columns = [_Column(self._rows, dtype, width) for dtype, width in kind.columns]
+        self.arrays: tuple[NDArray[Any], ...] = tuple(column.array for column in self._columns)
 
-    def place(self, rows: int) -> int:
-        """Reserve ``rows`` contiguous rows and return the first; the caller has evicted down to the limit."""
-        if rows > self.LARGEST_PIECE or self.live + rows > self.limit:
-            raise ValueError(f"a piece of {rows} rows does not fit: {self.live} of {self.limit} rows are in use")
+    def append(self, sources: Sequence[NDArray[Any]], begin: int, end: int) -> int:
+        """Store rows ``begin`` to ``end - 1`` of ``sources`` as one piece and return its first row in the ring.
+
+        Args:
+            sources: an array for each column.
+            begin: first row there.
+            end: row behind the last; the caller has evicted down to the limit.
+        """
+        rows = end - begin
+        if rows > self.largest or self.live + rows > self._limit:
+            raise ValueError(f"a piece of {rows} rows does not fit: {self.live} of {self._limit} rows are in use")
         if self._head + rows > self._rows:
             self._head = 0
         first = self._head
+        for array, source in zip(self.arrays, sources, strict=True):
+            array[first : first + rows] = source[begin:end]
         self._head += rows
         self.live += rows
         return first
 
     def free(self, first: int, rows: int) -> None:
         """Take back the oldest rows that are in use."""
+        if rows == 0:
+            return
         self.live -= rows
         begin, end = self._freed
-        if first != end or end - begin > _RELEASE_ROWS:
+        if first != end or (end - begin) * self._row_bytes > _RELEASE_BYTES:
             for column in self._columns:
                 column.release(begin, end)
             begin = first
@@ -101,17 +144,15 @@ class ViewpointRing:
 
 @dataclass(slots=True, eq=False)
 class SlotColumns:
-    """What is kept of each observation beside its viewpoints; row = number of arrival modulo the number of slots.
+    """What is kept of each observation beside its rows in the rings; row = number of arrival modulo number of slots.
 
     Attributes:
-        start: first row in the viewpoint ring, int64.
-        count: viewpoints, int32.
+        first: first row in each ring, int64, shape (slots, 5).
+        length: rows in each ring, int32, shape (slots, 5).
         robot: node number, int32.
         has_target: bool.
         target_known: bool.
         target_offset: float32, shape (slots, 2).
-        link_count: int32.
-        links: uint16, shape (slots, 20).
         choices: number of waypoints, int32.
         step: an action was chosen here, bool.
         beacon: chosen beacon, int32.
@@ -122,18 +163,15 @@ class SlotColumns:
         predecessor: arrival number of the previous observation where it came in another chunk, else -1, int64.
         terminal: the successor ends the task, bool.
         labelled: an expert labelled this observation, bool.
-        cost: the expert's cost of each waypoint, float32, shape (slots, 21).
         first_beacon: the expert's beacon, int32.
     """
 
-    start: NDArray[np.int64]
-    count: NDArray[np.int32]
+    first: NDArray[np.int64]
+    length: NDArray[np.int32]
     robot: NDArray[np.int32]
     has_target: NDArray[np.bool_]
     target_known: NDArray[np.bool_]
     target_offset: NDArray[np.float32]
-    link_count: NDArray[np.int32]
-    links: NDArray[np.uint16]
     choices: NDArray[np.int32]
     step: NDArray[np.bool_]
     beacon: NDArray[np.int32]
@@ -144,7 +182,6 @@ class SlotColumns:
     predecessor: NDArray[np.int64]
     terminal: NDArray[np.bool_]
     labelled: NDArray[np.bool_]
-    cost: NDArray[np.float32]
     first_beacon: NDArray[np.int32]
 
     @classmethod
@@ -155,14 +192,12 @@ class SlotColumns:
             return _Column(slots, dtype, width).array
 
         return cls(
-            start=column(np.int64),
-            count=column(np.int32),
+            first=column(np.int64, len(KINDS)),
+            length=column(np.int32, len(KINDS)),
             robot=column(np.int32),
             has_target=column(np.bool_),
             target_known=column(np.bool_),
             target_offset=column(np.float32, 2),
-            link_count=column(np.int32),
-            links=column(np.uint16, MAX_TARGET_LINKS),
             choices=column(np.int32),
             step=column(np.bool_),
             beacon=column(np.int32),
@@ -173,7 +208,6 @@ class SlotColumns:
             predecessor=column(np.int64),
             terminal=column(np.bool_),
             labelled=column(np.bool_),
-            cost=column(np.float32, MAX_CHOICES),
             first_beacon=column(np.int32),
         )
 
@@ -185,7 +219,7 @@ class SlotColumns:
 
 
 def plan_memory(capacity: int, max_bytes: int) -> tuple[int, int]:
-    """Split ``max_bytes`` into (observation slots, viewpoint rows).
+    """Split ``max_bytes`` into (observation slots, bytes of all rings together).
 
     Every transition needs one slot, and every ended episode one more for its last observation: two per transition
     are the most that can be needed. They take an eighth of the memory at most.
@@ -195,10 +229,10 @@ def plan_memory(capacity: int, max_bytes: int) -> tuple[int, int]:
     """
     slot_bytes = SlotColumns.row_bytes()
     slots = min(max(2 * capacity, 1024), max_bytes // 8 // slot_bytes)
-    rows = (max_bytes - slots * slot_bytes) // ViewpointRing.ROW_BYTES - 2 * ViewpointRing.LARGEST_PIECE
-    if rows < ViewpointRing.LARGEST_PIECE or slots < 2:
+    ring_bytes = max_bytes - slots * slot_bytes
+    if ring_bytes < LARGEST_PIECE or slots < 2:
         raise ConfigError(
-            f"replay.max_bytes is {max_bytes:,}, which cannot hold one observation of {MAX_VIEWPOINTS:,} viewpoints: "
-            "set it to 1,000,000 or more"
+            f"replay.max_bytes is {max_bytes:,}, which cannot hold one observation of {MAX_VIEWPOINTS:,} viewpoints "
+            f"with {MAX_DEGREE} neighbours each: set it to 30,000,000 or more"
         )
-    return slots, rows
+    return slots, ring_bytes

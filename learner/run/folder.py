@@ -17,7 +17,9 @@ from common.file_lock import FileLock
 from learner.run.code_state import write_code_state
 from learner.run.files import replace_text, sync_path, to_json
 
-FORMAT = 1
+# 2: viewpoints lie anywhere and edges are lists. Of runs of format 1 the policies can be exported, but the experience
+# cannot be read any more.
+FORMAT = 2
 _MARKER = "run.json"
 
 
@@ -87,10 +89,11 @@ class RunFolder(Closing):
         """Open an existing run in order to continue it.
 
         Raises:
-            CheckpointError: when there is no such run, its configuration is damaged, or a learner works on it.
+            CheckpointError: when there is no such run, an earlier release began it, its configuration is damaged, or a
+                learner works on it.
         """
         path = root / name
-        check_run(path)
+        check_run(path, to_continue=True)
         return cls(path, read_config(path), _take_lock(path))
 
     @property
@@ -131,8 +134,13 @@ class RunFolder(Closing):
         self._lock.close()
 
 
-def check_run(path: Path) -> None:
-    """Raise CheckpointError unless ``path`` is the folder of a run that this software can read."""
+def check_run(path: Path, *, to_continue: bool = False) -> None:
+    """Raise CheckpointError unless ``path`` is the folder of a run that this software can read.
+
+    Args:
+        path: folder of the run.
+        to_continue: its experience must be readable too, not its policies alone.
+    """
     if not (path / _MARKER).is_file():
         known = sorted(entry.parent.name for entry in path.parent.glob(f"[!.]*/{_MARKER}"))
         listed = f"there are: {', '.join(known)}" if known else "there is none yet; `hd-learner start` makes one"
@@ -141,8 +149,14 @@ def check_run(path: Path) -> None:
         written = json.loads((path / _MARKER).read_text("utf-8"))["format"]
     except (ValueError, KeyError, TypeError) as error:
         raise CheckpointError(f"{path / _MARKER} is damaged: {error!r}") from error
-    if written != FORMAT:
-        raise CheckpointError(f"run {path} has format {written}, this software reads format {FORMAT}")
+    if written not in range(1, FORMAT + 1):
+        raise CheckpointError(f"run {path} has format {written}, this software reads format {FORMAT} and earlier ones")
+    if to_continue and written < FORMAT:
+        raise CheckpointError(
+            f"run {path} has format {written}, and this software cannot read experience from before format {FORMAT}: "
+            f"resume it with the release that began it, or export its policy (`hd-learner export --run {path.name}`) "
+            "and begin a new run from that (`hd-learner start --run NEW --set learner.initial_policy=FILE`)"
+        )
 
 
 def read_config(path: Path) -> RunConfig:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from common.config.schema import NetworkConfig
 from common.errors import CheckpointError
 from common.features import feature_count
-from common.network.graph_arrays import SLOTS
 from common.network.parameters import Arrays
 
 ValueInfo = tuple[str, Any, list[str | int]]
@@ -24,10 +23,10 @@ _LOGIT_LIMIT = 10.0
 def onnx_model(config: NetworkConfig, arrays: Arrays) -> bytes:
     """Return a policy as a serialised ONNX model of one observation, opset 17.
 
-    Inputs, of any number N of nodes, B of beacons and W of waypoints:
+    Inputs, of any number N of nodes, S of slots for neighbours, B of beacons and W of waypoints:
 
     - ``features``: float32, (N, F), see `common.features`;
-    - ``neighbours``: int64, (N, 22), rows that a node attends to, -1 where absent, as in `GraphArrays`;
+    - ``neighbours``: int64, (N, S), rows that a node attends to, -1 where absent, as in `GraphArrays`;
     - ``robot``: int64, (1,), row of the robot's node;
     - ``beacons``: int64, (B,), rows of the beacons; not there in `vanilla`;
     - ``waypoints``: int64, (W,), rows of the waypoints.
@@ -56,7 +55,7 @@ def onnx_model(config: NetworkConfig, arrays: Arrays) -> bytes:
     beacon_rows: list[ValueInfo] = [("beacons", number, ["B"])] if builder.hierarchical else []
     inputs: list[ValueInfo] = [
         ("features", floats, ["N", feature_count(config.features)]),
-        ("neighbours", number, ["N", SLOTS]),
+        ("neighbours", number, ["N", "S"]),
         ("robot", number, [1]),
         *beacon_rows,
         ("waypoints", number, ["W"]),
@@ -128,8 +127,7 @@ class _Builder:
         bias = self.op(
             "Where", absent, self._constant(np.array(-1e9, dtype=np.float32)), self._constant(np.array(0, np.float32))
         )
-        bias = self._reshape(bias, -1, 1, SLOTS)
-        bias = self.op("Unsqueeze", bias, self._constant(np.array([0], dtype=np.int64)))
+        bias = self.op("Unsqueeze", bias, self._constant(np.array([0, 2], dtype=np.int64)))  # (1, N, 1, slots)
         nodes = self._linear("encoder.embedding", "features")
         for layer in range(self._config.layers):
             name = f"encoder.layers.{layer}"
@@ -141,7 +139,7 @@ class _Builder:
         return self._norm("encoder.norm", nodes)
 
     def _edge_attention(self, name: str, nodes: str, rows: str, bias: str) -> str:
-        """Attend from every node over its 22 slots; heads come first, so that whole blocks are gathered."""
+        """Attend from every node over its slots; heads come first, so that whole blocks are gathered."""
         width, heads = self._config.width, self._config.heads
         weight = self._arrays[f"{name}.qkv.weight"]
         query, key, value = (

@@ -44,7 +44,16 @@ def test_chunks_hold_the_episode_exactly(task, chunk_steps):
     assert chunks[-1].end is env.end
     observations = [chunk.observations[i] for chunk in chunks for i in range(chunk.steps)]
     for recorded, seen in zip(observations, driver.seen, strict=True):
-        for name in ("offsets", "utility", "visited", "beacon", "edges", "target_links", "target_offset"):
+        for name in (
+            "offsets",
+            "utility",
+            "visited",
+            "beacon",
+            "degree",
+            "neighbours",
+            "target_links",
+            "target_offset",
+        ):
             assert np.array_equal(getattr(recorded, name), getattr(seen, name))
     assert len(chunks[-1].observations) == chunks[-1].steps + 1
     choices = [(int(b), int(a)) for chunk in chunks for b, a in zip(chunk.beacons, chunk.waypoints, strict=True)]

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from common.config.schema import NetworkConfig
 from common.features import FEATURE_NAMES
 from common.network.graph_arrays import GraphArrays
-from common.observation import NEIGHBOUR_OFFSETS, Observation, ObservationBatch
+from common.observation import STEP_UNITS, Observation, ObservationBatch
 from tests.observations import observations, random_batch
 
 
@@ -23,19 +23,20 @@ def column(observation: Observation, name: str) -> np.ndarray:
 def all_distances(observation: Observation) -> np.ndarray:
     """Floyd and Warshall over the viewpoints, then the target as an end point alone."""
     n = observation.viewpoints
-    number = {(int(x), int(y)): i for i, (x, y) in enumerate(observation.offsets)}
     table = np.full((observation.nodes, observation.nodes), np.inf)
     np.fill_diagonal(table, 0.0)
-    for i, (x, y) in enumerate(observation.offsets):
-        for k, (dx, dy) in enumerate(NEIGHBOUR_OFFSETS):
-            if int(observation.edges[i]) >> k & 1:
-                table[i, number[int(x + dx), int(y + dy)]] = np.hypot(dx, dy)
+    lower = np.repeat(np.arange(n), observation.degree)
+    steps = observation.steps
+    for edge, (i, j) in enumerate(zip(lower, observation.neighbours, strict=True)):
+        table[i, j] = table[j, i] = np.hypot(*(steps[i] - steps[j]))
+        if edge in observation.bent:
+            table[i, j] = table[j, i] = observation.bent_length[list(observation.bent).index(edge)]
     for middle in range(n):
         table = np.minimum(table, table[:, middle, None] + table[None, middle])
     if observation.has_target:
         links = observation.target_links.astype(int)
-        steps = np.hypot(*(observation.offsets[links] - observation.target_offset).T)
-        table[:n, n] = table[n, :n] = (table[:n, links] + steps).min(axis=1, initial=np.inf)
+        last = np.hypot(*(steps[links] - observation.target_offset).T)
+        table[:n, n] = table[n, :n] = (table[:n, links] + last).min(axis=1, initial=np.inf)
     return table
 
 
@@ -69,14 +70,15 @@ def test_graph_distances_and_paths(observation: Observation) -> None:
 @given(observations(25))
 def test_plain_columns(observation: Observation) -> None:
     n = observation.viewpoints
-    np.testing.assert_allclose(column(observation, "x")[:n] * 20, observation.offsets[:, 0], atol=1e-4)
+    np.testing.assert_allclose(column(observation, "x") * 20, observation.steps[:, 0].clip(-160, 160), atol=1e-4)
     np.testing.assert_allclose(np.expm1(column(observation, "utility")[:n] * 4), observation.utility, rtol=1e-4)
     np.testing.assert_array_equal(column(observation, "visited")[:n], observation.visited)
     np.testing.assert_array_equal(np.flatnonzero(column(observation, "beacon")), observation.beacon_nodes())
     np.testing.assert_array_equal(np.flatnonzero(column(observation, "robot")), [observation.robot])
     np.testing.assert_array_equal(column(observation, "target").sum(), observation.has_target)
-    bits = [int(mask).bit_count() / 20 for mask in observation.edges]
-    np.testing.assert_allclose(column(observation, "degree")[:n], bits)
+    lower = np.repeat(np.arange(n), observation.degree)
+    degrees = np.bincount(np.concatenate([lower, observation.neighbours]), minlength=n)
+    np.testing.assert_allclose(column(observation, "degree")[:n], np.minimum(degrees / 20, 2), rtol=1e-6)
     features = arrays_of(observation).features
     assert np.isfinite(features).all()
     assert np.abs(features).max() <= 8.0
@@ -92,3 +94,32 @@ def test_batches_hold_what_single_observations_hold() -> None:
         np.testing.assert_array_equal(together.features[rows], alone.features)
         shifted = np.where(alone.neighbours >= 0, alone.neighbours + rows.start, -1)
         np.testing.assert_array_equal(together.neighbours[rows], shifted)
+
+
+def test_a_crowded_viewpoint_has_a_bounded_degree_and_all_its_neighbours() -> None:
+    """A hub with 60 viewpoints around it: a wider table than that of any lattice."""
+    count = 61
+    angles = np.linspace(0, 2 * np.pi, count - 1, endpoint=False)
+    offsets = np.vstack([[0, 0], np.rint(STEP_UNITS * np.stack([np.cos(angles), np.sin(angles)], axis=1))])
+    observation = Observation(
+        offsets=offsets.astype(np.int16),
+        utility=np.ones(count, dtype=np.uint16),
+        visited=np.zeros(count, dtype=np.bool_),
+        beacon=np.arange(count) == 1,
+        degree=np.where(np.arange(count) == 0, count - 1, 0).astype(np.uint8),
+        neighbours=np.arange(1, count, dtype=np.uint16),
+        bent=np.array([2], dtype=np.uint32),
+        bent_length=np.array([40.0], dtype=np.float32),
+        robot=0,
+        has_target=False,
+        target_known=False,
+        target_offset=np.zeros(2, dtype=np.float32),
+        target_links=np.zeros(0, dtype=np.uint16),
+    )
+    np.testing.assert_allclose(column(observation, "degree"), [2.0] + [0.05] * 60)
+    distances = column(observation, "robot_graph_distance") * 20
+    np.testing.assert_allclose(np.delete(distances, [0, 3]), 1.0, atol=0.02)
+    assert distances[3] == 40.0
+    graph = arrays_of(observation)
+    assert graph.neighbours.shape == (count, count - 1 + 2)
+    assert graph.nodes[graph.waypoint_rows].tolist() == list(range(1, count))

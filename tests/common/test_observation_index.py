@@ -1,33 +1,53 @@
 import numpy as np
 from hypothesis import given, settings
 
-from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS, ObservationBatch
-from common.observation_index import neighbour_table
+from common.observation import NEIGHBOUR_COUNT, Observation, ObservationBatch
+from common.observation_index import LINK_SLOT, SELF_SLOT, neighbour_table, waypoint_counts
 from tests.observations import observations
 
 
-def reference(batch: ObservationBatch) -> np.ndarray:
-    table = np.full((len(batch.edges), NEIGHBOUR_COUNT), -1, dtype=np.int32)
-    first = 0
-    for n in batch.count:
-        rows = {tuple(offset): first + i for i, offset in enumerate(batch.offsets[first : first + n].tolist())}
-        for (x, y), row in rows.items():
-            for k, (dx, dy) in enumerate(NEIGHBOUR_OFFSETS.tolist()):
-                if batch.edges[row] >> k & 1:
-                    table[row, k] = rows.get((x + dx, y + dy), -1)
-        first += n
-    return table
+def edges_of(observation: Observation) -> dict[tuple[int, int], float]:
+    """Reference: the length of every way between neighbours, both ways, links of the target included."""
+    steps = observation.steps
+    lower = np.repeat(np.arange(observation.viewpoints), observation.degree).tolist()
+    bent = dict(zip(observation.bent.tolist(), observation.bent_length.tolist(), strict=True))
+    found = {}
+    for edge, (i, j) in enumerate(zip(lower, observation.neighbours.tolist(), strict=True)):
+        found[i, j] = bent.get(edge, np.hypot(*(steps[i] - steps[j])))
+    for link in observation.target_links.tolist():
+        found[link, observation.viewpoints] = np.hypot(*(steps[link] - steps[-1]))
+    return found | {(j, i): length for (i, j), length in found.items()}
 
 
 @given(observations(), observations())
 @settings(max_examples=60, deadline=None)
-def test_rows_of_neighbours_are_global(one, other):
+def test_the_table_says_who_is_beside_whom_and_how_far(one, other):
     batch = ObservationBatch.stack([one, other, one])
-    table = neighbour_table(batch.count, batch.offsets, batch.edges)
-    np.testing.assert_array_equal(table, reference(batch))
+    table = neighbour_table(batch)
+    assert table.rows.shape == table.lengths.shape == (2 * one.nodes + other.nodes, table.rows.shape[1])
+    assert table.node_ptr.tolist() == [0, one.nodes, one.nodes + other.nodes, 2 * one.nodes + other.nodes]
+    widths = []
+    for k, observation in enumerate((one, other, one)):
+        first = int(table.node_ptr[k])
+        expected = edges_of(observation)
+        for i in range(observation.nodes):
+            row, lengths = table.rows[first + i], table.lengths[first + i]
+            assert row[SELF_SLOT] == first + i
+            target = observation.viewpoints
+            beside = sorted(j for a, j in expected if a == i and j < target)
+            widths.append(len(beside))
+            assert (row[: len(beside)] - first).tolist() == beside
+            assert (row[len(beside) : SELF_SLOT] == -1).all()
+            linked = i < target and (i, target) in expected
+            assert row[LINK_SLOT] == (first + target if linked else -1)
+            ends = [*beside, target] if linked else beside
+            found = [*lengths[: len(beside)], lengths[LINK_SLOT]] if linked else lengths[: len(beside)]
+            np.testing.assert_allclose(found, [expected[i, j] for j in ends], rtol=1e-6)
+    assert table.rows.shape[1] == max(NEIGHBOUR_COUNT, *widths) + 2
 
 
-def test_an_edge_to_nowhere_gives_minus_one():
-    offsets = np.array([[0, 0], [32767, 0]], dtype=np.int16)
-    edges = np.full(2, (1 << NEIGHBOUR_COUNT) - 1, dtype=np.uint32)
-    assert (neighbour_table(np.array([2], dtype=np.int32), offsets, edges) == -1).all()
+@given(observations(), observations())
+@settings(max_examples=60, deadline=None)
+def test_waypoints_are_counted_as_they_are_listed(one, other):
+    batch = ObservationBatch.stack([one, other, one])
+    assert waypoint_counts(batch).tolist() == [len(o.waypoint_nodes()) for o in (one, other, one)]

@@ -60,7 +60,7 @@ def test_vanilla_reports_the_nearest_beacon() -> None:
     observation = random_observation(np.random.default_rng(7), 40)
     policy = Policy.from_config(NetworkConfig(width=16, heads=4, layers=1, variant="vanilla"))
     decision = policy.decide(observation, greedy=False, rng=np.random.default_rng(0))
-    distance = np.hypot(*observation.offsets.T.astype(float))
+    distance = np.hypot(*observation.steps.T)
     assert distance[decision.beacon] == distance[observation.beacon_nodes()].min()
 
 

@@ -27,7 +27,7 @@ def small_config(**changes: dict[str, object]) -> RunConfig:
             "publish_every": 5,
             "device": "cpu",
         },
-        "replay": {"capacity": 1000, "max_bytes": 4_000_000, "min_steps": 4},
+        "replay": {"capacity": 1000, "max_bytes": 30_000_000, "min_steps": 4},
         "checkpoints": {"every_seconds": 3600.0},
         "maps": {"validation_count": 2},
     }

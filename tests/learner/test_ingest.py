@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 from common.errors import CheckpointError
+from common.messages.codec import pack
 from common.messages.schema import encode
 from learner.ingest import Ingest
 from learner.ratio import RatioKeeper
 from learner.replay.buffer import Replay
 from learner.run.episodes import EpisodeLog
-from learner.run.journal import Journal
+from learner.run.journal import Journal, RecordKind
 from tests.learner.experience import deliver, episode_report
 from tests.learner.runs import episodes, small_config
 
@@ -34,7 +35,7 @@ def lines(folder):
 
 def samples(ingest):
     batch = ingest.replay.sample(50, np.random.default_rng(0))
-    return batch.rewards.tolist(), batch.observations.edges.tolist()
+    return batch.rewards.tolist(), batch.observations.neighbours.tolist()
 
 
 def test_each_delivery_counts_once(tmp_path):
@@ -70,6 +71,18 @@ def test_a_killed_learner_gets_everything_back_exactly(tmp_path):
     for delivery in made:
         again.store(delivery)  # the actors send again what they have no acknowledgement for
     assert counts(again) == expected
+    journal.close()
+
+
+def test_deliveries_of_another_protocol_are_refused_with_advice(tmp_path):
+    ingest, journal = open_ingest(tmp_path)
+    ingest.store(episodes(1)[0])
+    snapshot = ingest.snapshot()
+    journal.append(RecordKind.DELIVERY, pack({"v": 1, "kind": "delivery"}))
+    journal.close()
+    again, journal = open_ingest(tmp_path, snapshot["episodes_length"])
+    with pytest.raises(CheckpointError, match=r"cannot read .*must be 2.*got 1.*with the release that wrote it"):
+        again.rebuild(snapshot, updates=0)
     journal.close()
 
 

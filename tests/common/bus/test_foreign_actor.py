@@ -46,11 +46,16 @@ def chunk() -> dict:
         "end": 0,
         "observations": {
             "count": array(3, 2),
-            "offsets": array(2, 0, 0, 1, 0, shape=(2, 2)),
+            "offsets": array(2, 0, 0, 64, 0, shape=(2, 2)),
             "utility": array(6, 0, 5),
             "visited": array(0, True, False),
             "beacon": array(0, False, True),
-            "edges": array(7, 1 << 10, 1 << 9),
+            "degree": array(5, 1, 0),
+            "edge_count": array(3, 1),
+            "neighbours": array(6, 1),
+            "bent_count": array(3, 1),
+            "bent": array(7, 0),
+            "bent_length": array(10, 1.25),
             "robot": array(3, 0),
             "has_target": array(0, False),
             "target_known": array(0, False),
@@ -84,7 +89,7 @@ def test_an_actor_in_another_language_can_take_part():
     ):
         publisher.publish(samples.weights(version=7))
         spec = query(session, "hd/office/spec")
-        assert (spec["v"], spec["kind"], json.loads(spec["config"])) == (1, "spec", {"seed": 3})
+        assert (spec["v"], spec["kind"], json.loads(spec["config"])) == (2, "spec", {"seed": 3})
 
         weights = query(session, "hd/office/weights/latest?averaged=0")
         digest = hashlib.sha256()
@@ -94,7 +99,7 @@ def test_an_actor_in_another_language_can_take_part():
         notice = query(session, f"hd/office/weights/latest?averaged=0;have={weights['learner']}:{weights['version']}")
         assert (notice["kind"], notice["version"]) == ("weights_notice", 7)
 
-        message = {"v": 1, "kind": "delivery", "actor": "desk-0", "incarnation": 4711, "sequence": 0, "body": chunk()}
+        message = {"v": 2, "kind": "delivery", "actor": "desk-0", "incarnation": 4711, "sequence": 0, "body": chunk()}
         data = msgpack.packb(message)
         assert data == bytes.fromhex(re.search(r"```hex delivery\n(.*?)\n```", PAGE, re.DOTALL)[1])
         ack = query(session, "hd/office/experience/desk-0", data)

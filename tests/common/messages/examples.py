@@ -10,8 +10,8 @@ from common.observation import ObservationBatch
 
 
 def array() -> np.ndarray:
-    """Two lattice offsets."""
-    return np.array([[0, 0], [1, 0]], dtype=np.int16)
+    """Two offsets, one lattice step apart."""
+    return np.array([[0, 0], [64, 0]], dtype=np.int16)
 
 
 def delivery() -> Delivery:
@@ -22,7 +22,12 @@ def delivery() -> Delivery:
         utility=np.array([0, 5], dtype=np.uint16),
         visited=np.array([True, False]),
         beacon=np.array([False, True]),
-        edges=np.array([1 << 10, 1 << 9], dtype=np.uint32),
+        degree=np.array([1, 0], dtype=np.uint8),
+        edge_count=np.array([1], dtype=np.int32),
+        neighbours=np.array([1], dtype=np.uint16),
+        bent_count=np.array([1], dtype=np.int32),
+        bent=np.array([0], dtype=np.uint32),
+        bent_length=np.array([1.25], dtype=np.float32),
         robot=np.array([0], dtype=np.int32),
         has_target=np.array([False]),
         target_known=np.array([False]),

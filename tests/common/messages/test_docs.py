@@ -9,7 +9,6 @@ from common.messages.codec import pack, unpack
 from common.messages.experience import Delivery
 from common.messages.replies import Ack
 from common.messages.schema import decode, encode
-from common.observation import NEIGHBOUR_OFFSETS
 from tests.common.messages import examples
 
 PAGE = (Path(__file__).parents[3] / "docs" / "bus.md").read_text("utf-8")
@@ -29,9 +28,3 @@ def test_the_examples_decode():
     data = b"\x81\xa1a\xc7" + bytes([len(payload), 1]) + payload
     np.testing.assert_array_equal(unpack(data)["a"], examples.array())
     assert pack({"a": examples.array()}) == data
-
-
-def test_the_page_numbers_the_edge_bits_right():
-    offsets = [tuple(offset) for offset in NEIGHBOUR_OFFSETS.tolist()]
-    for bit, offset in {0: (-1, -2), 3: (-2, -1), 9: (-1, 0), 10: (1, 0), 19: (1, 2)}.items():
-        assert offsets[bit] == offset

@@ -97,7 +97,7 @@ def test_every_field_is_required_and_no_other_is_allowed(message):
         decode(change(message, "extra", 1), expected)
 
 
-@pytest.mark.parametrize("version", [0, 2, "1", None, True, 1.0])
+@pytest.mark.parametrize("version", [0, 1, 3, "2", None, True, 2.0])
 def test_other_protocol_versions_are_refused(version):
     with pytest.raises(MessageError) as caught:
         decode(change(Ack(1, True, 0.0, "", 1), "v", version), Ack)
@@ -178,6 +178,11 @@ N = len(DELIVERY.body.observations.utility)
         ("body.observations.utility", np.zeros(0, dtype=np.uint16)),
         ("body.observations.offsets", np.zeros((N, 3), dtype=np.int16)),
         ("body.observations.visited", np.zeros(N, dtype=np.uint8)),
+        ("body.observations.degree", np.zeros(N, dtype=np.uint16)),
+        ("body.observations.neighbours", np.zeros(0, dtype=np.uint16)),
+        ("body.observations.neighbours", np.zeros(5, dtype=np.uint32)),
+        ("body.observations.bent", np.zeros((2, 2), dtype=np.uint32)),
+        ("body.observations.bent_length", np.zeros(0, dtype=np.float64)),
         ("body.labels.cost", np.zeros(0, dtype=np.float32)),
         ("body.labels.cost", DELIVERY.body.labels.cost * np.float32(np.inf)),
         ("body.labels.cost", -1 - DELIVERY.body.labels.cost),
@@ -241,7 +246,7 @@ def test_only_messages_can_be_encoded():
 
 def test_numbers_of_other_languages_are_understood():
     # A writer whose numbers are all floating may send whole numbers as integers.
-    data = msgpack.packb({"v": 1, "kind": "ack", "sequence": 1, "stored": True, "hold": 0, "error": "", "learner": 2})
+    data = msgpack.packb({"v": 2, "kind": "ack", "sequence": 1, "stored": True, "hold": 0, "error": "", "learner": 2})
     assert decode(data, Ack) == Ack(1, True, 0.0, "", 2)
 
 

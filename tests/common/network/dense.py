@@ -15,7 +15,7 @@ from torch.nn import functional
 from common.network.decoders import DecoderLayer, Pointer
 from common.network.encoder import Encoder
 from common.network.policy_network import PolicyNetwork
-from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS, Observation, ObservationBatch
+from common.observation import Observation, ObservationBatch
 from learner.algorithm.critic import CriticHead
 
 
@@ -96,12 +96,11 @@ def dense_critic(encoder: Encoder, head: CriticHead, batch: DenseBatch) -> Tenso
 
 
 def _adjacency(observation: Observation) -> Tensor:
-    number = {(int(x), int(y)): i for i, (x, y) in enumerate(observation.offsets)}
     mask = torch.eye(observation.nodes, dtype=torch.bool)
-    for i, (x, y) in enumerate(observation.offsets):
-        for k in range(NEIGHBOUR_COUNT):
-            if int(observation.edges[i]) >> k & 1:
-                mask[i, number[int(x + NEIGHBOUR_OFFSETS[k, 0]), int(y + NEIGHBOUR_OFFSETS[k, 1])]] = True
+    lower = np.repeat(np.arange(observation.viewpoints), observation.degree)
+    higher = observation.neighbours.astype(np.int64)
+    mask[lower, higher] = True
+    mask[higher, lower] = True
     for link in observation.target_links:
         mask[int(link), observation.viewpoints] = True
         mask[observation.viewpoints, int(link)] = True

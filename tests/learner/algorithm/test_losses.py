@@ -16,7 +16,7 @@ import torch
 from common.config.schema import CloningConfig, NetworkConfig
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyOutput
-from common.observation import NEIGHBOUR_OFFSETS, Observation, ObservationBatch
+from common.observation import Observation, ObservationBatch
 from learner.algorithm.cloning import Guidance, cloning_loss
 from learner.algorithm.losses import (
     critic_loss,
@@ -36,14 +36,15 @@ Q = torch.tensor([1.0, 2.0, 3.0, 4.0])
 
 def line(beacons: tuple[bool, bool, bool]) -> Observation:
     """Three viewpoints in a row, the robot in the middle, each linked to the next."""
-    bit = {tuple(step): k for k, step in enumerate(NEIGHBOUR_OFFSETS.tolist())}
-    left, right = 1 << bit[-1, 0], 1 << bit[1, 0]
     return Observation(
-        offsets=np.array([[-1, 0], [0, 0], [1, 0]], dtype=np.int16),
+        offsets=np.array([[-64, 0], [0, 0], [64, 0]], dtype=np.int16),
         utility=np.array([3, 0, 3], dtype=np.uint16),
         visited=np.zeros(3, dtype=np.bool_),
         beacon=np.array(beacons),
-        edges=np.array([right, left | right, left], dtype=np.uint32),
+        degree=np.array([1, 1, 0], dtype=np.uint8),
+        neighbours=np.array([1, 2], dtype=np.uint16),
+        bent=np.zeros(0, dtype=np.uint32),
+        bent_length=np.zeros(0, dtype=np.float32),
         robot=1,
         has_target=False,
         target_known=False,

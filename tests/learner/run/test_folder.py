@@ -6,7 +6,7 @@ import pytest
 
 from common.config.schema import LearnerConfig, RunConfig
 from common.errors import CheckpointError
-from learner.run.folder import RunFolder
+from learner.run.folder import RunFolder, check_run
 
 
 def test_a_new_run_is_complete_and_comes_back(tmp_path):
@@ -80,3 +80,23 @@ def test_a_changed_configuration_keeps_the_one_before(tmp_path):
         assert before["learner"]["total_updates"] == 20_000
     with RunFolder.open(tmp_path, "a") as run:
         assert run.config.learner.total_updates == 5
+
+
+def test_a_run_of_an_earlier_format_can_be_exported_but_not_continued(tmp_path):
+    with RunFolder.create(tmp_path, RunConfig(name="a")) as run:
+        marker = json.loads((run.path / "run.json").read_text())
+        (run.path / "run.json").write_text(json.dumps(marker | {"format": 1}))
+    check_run(tmp_path / "a")
+    advice = r"format 1, .*cannot read experience.*export --run a.*learner\.initial_policy"
+    with pytest.raises(CheckpointError, match=advice):
+        check_run(tmp_path / "a", to_continue=True)
+    with pytest.raises(CheckpointError, match=advice):
+        RunFolder.open(tmp_path, "a")
+
+
+@pytest.mark.parametrize("written", [0, 3, "1", None])
+def test_a_run_of_an_unknown_format_is_refused(tmp_path, written):
+    RunFolder.create(tmp_path, RunConfig(name="a")).close()
+    (tmp_path / "a" / "run.json").write_text(json.dumps({"format": written}))
+    with pytest.raises(CheckpointError, match="this software reads format 2 and earlier ones"):
+        check_run(tmp_path / "a")

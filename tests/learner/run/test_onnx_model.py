@@ -105,7 +105,7 @@ def test_a_policy_of_an_onnx_file_decides_as_that_of_a_safetensors_file(tmp_path
     assert other.version == 12
     rng = np.random.default_rng(0)
     for viewpoints in (2, 5, 40, 200):
-        observation = random_observation(rng, viewpoints, "known")
+        observation = random_observation(rng, viewpoints, "known", edge_share=1.0)
         for greedy in (True, False):
             decisions = [
                 policy.decide(observation, greedy=greedy, rng=np.random.default_rng(1)) for policy in (one, other)
@@ -158,6 +158,16 @@ def test_damaged_files_are_refused(tmp_path):
 def test_a_model_of_something_else_is_refused(tmp_path):
     write_onnx(tmp_path / "a.onnx", b"\x08\x08", CARD)
     with pytest.raises(CheckpointError, match="cannot run this model"):
+        read_policy(tmp_path / "a.onnx")
+
+
+def test_a_model_of_a_fixed_number_of_neighbours_is_refused_with_advice(tmp_path):
+    """As exports were before viewpoints could have more than 20 neighbours."""
+    model = onnx.load_from_string(onnx_model(CARD.network, trained(CARD.network)))
+    (neighbours,) = (each for each in model.graph.input if each.name == "neighbours")
+    neighbours.type.tensor_type.shape.dim[1].dim_value = 22
+    write_onnx(tmp_path / "a.onnx", model.SerializeToString(), CARD)
+    with pytest.raises(CheckpointError, match=r"earlier release.* 20 neighbours at most: export the policy again"):
         read_policy(tmp_path / "a.onnx")
 
 
