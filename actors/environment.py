@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,9 +19,11 @@ from common.config.schema import MappingConfig, RewardConfig
 from common.errors import ConfigError, HDError, MapError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
+from common.mapping.viewpoints import LONGEST_EDGE
 from common.messages.experience import End
 from common.observation import Observation
-from common.planners.lattice import LONGEST_EDGE, TOLERANCE
+from common.planners.base import Position
+from common.planners.lattice import TOLERANCE
 
 # Nearer to its viewpoint than this, metres, the robot counts as standing on it.
 ON_VIEWPOINT = 0.3
@@ -86,6 +89,7 @@ class Environment:
         end: whether and how the episode ended; it may have ended at the reset.
         reason: why it ended (see `StepInfo.reason`).
         positions: (x, y) of the start and of the end of every leg, metres: the route for results files and recounts.
+        corners: those of the positions, by number, at which nothing was decided: corners of ways that are not straight.
         distance: travelled metres, the way to the first viewpoint included.
         steps: decisions taken.
         collisions: contacts with the world.
@@ -128,6 +132,7 @@ class Environment:
         self._make_mapper = mapper
         self.end = End.TRUNCATED
         self.reason = ""
+        self.corners: list[int] = []
 
     def reset(self, world: GridMap, seed: int, *, on_lattice: bool = True) -> Observation:
         """Begin an episode and return what the robot knows at its first viewpoint.
@@ -157,6 +162,7 @@ class Environment:
         self.end, self.reason = End.NONE, ""
         self.pose = self._simulator.reset(world, seed)
         self.positions = [self.pose.position]
+        self.corners = []
         width, height = world.size
         self.mapper = self._make_mapper(
             self._mapping,
@@ -189,32 +195,33 @@ class Environment:
             HDError: the episode has ended, or a node number is no valid choice.
         """
         self._check_choice(beacon, waypoint)
-        return self._advance(self.mapper.position(waypoint))
+        return self._advance(self.mapper.way(self.mapper.robot, waypoint))
 
-    def step_to(self, position: tuple[float, float]) -> Step:
+    def step_to(self, position: Position, via: Sequence[Position] = ()) -> Step:
         """Drive to a position, sense, and judge the result, as `step` does.
 
         Args:
-            position: metres, map frame; at most one longest edge of the viewpoint graph (sqrt(5) spacings) away, and
-                the straight segment to it must be known to be free; from the robot, or from its viewpoint when it
-                stands beside that.
+            position: metres, map frame; at most one longest straight edge of the viewpoint graph (sqrt(5) spacings)
+                away, and the straight segment to it must be known to be free, with room for the robot; from the robot,
+                or from its viewpoint when it stands beside that.
+            via: corners on the way there, metres, between which the same holds.
 
         Raises:
-            HDError: the episode has ended, or the position breaks these rules of the nominal protocol.
+            HDError: the episode has ended, or the way breaks these rules of the nominal protocol.
         """
-        self._check_position(position)
-        return self._advance(position)
+        way = [*via, position]
+        self._check_way(way)
+        return self._advance(way)
 
-    def _advance(self, goal: tuple[float, float]) -> Step:
-        """Carry out one decision."""
+    def _advance(self, way: list[Position]) -> Step:
+        """Carry out one decision: drive along a way of straight legs."""
         before = self.remaining() if self._reward.kind == "potential" else None
         frontier = self.mapper.frontiers_removed
         to_target = self.task.progress(self.pose)
         travelled, collided = self.distance, self.collisions
         self.mapping_seconds = 0.0
 
-        blocked = not self._drive(goal)
-        self._sense()
+        blocked = not self._drive(way)
         if blocked and self._on_lattice and not self.mapper.stuck:
             self._go_to_viewpoint(self.mapper.observe())
         self._blocked_in_row = self._blocked_in_row + 1 if blocked else 0
@@ -292,21 +299,28 @@ class Environment:
         if self.end is not End.NONE:
             raise HDError(f"the episode has ended ({self.reason or 'never begun'}): call reset(world, seed) first")
 
-    def _check_position(self, position: tuple[float, float]) -> None:
+    def _check_way(self, way: list[Position]) -> None:
         self._check_going()
-        here = self.pose.position
-        longest = LONGEST_EDGE * self._mapping.viewpoint_spacing
-        if not np.isfinite(position).all():
-            raise HDError(f"a waypoint must be two finite coordinates in metres, got {position}")
+        for position in way:
+            if not np.isfinite(position).all():
+                raise HDError(f"a waypoint must be two finite coordinates in metres, got {position}")
         # A robot beside its viewpoint, as robots with wheels are, may also go by the edges of that viewpoint.
         places = [self.pose]
         if not self.mapper.stuck:
             node = Pose(*self.mapper.position(self.mapper.robot))
             places += [node] if 0.0 < self.pose.distance_to(node.position) <= ON_VIEWPOINT else []
+        self._check_leg(places, way[0])
+        for a, b in pairwise(way):
+            self._check_leg([Pose(*a)], b)
+
+    def _check_leg(self, places: list[Pose], position: Position) -> None:
+        """Check the leg to a position from one of several places, where the robot is or counts as being."""
+        here = places[0].position
+        longest = LONGEST_EDGE * self._mapping.viewpoint_spacing
         near = [place for place in places if place.distance_to(position) <= longest + TOLERANCE]
         if not near:
             raise HDError(
-                f"a waypoint may be {longest:.2f} m away (one edge), got {self.pose.distance_to(position):.2f} m from "
+                f"a waypoint may be {longest:.2f} m away (one edge), got {places[0].distance_to(position):.2f} m from "
                 f"{_shown(here)} to {_shown(position)}: cut the path there"
             )
         if not any(self.mapper.segment_free(place.position, position) for place in near):
@@ -327,18 +341,30 @@ class Environment:
         node = self.mapper.position(observation.robot)
         if self.pose.distance_to(node) <= ON_VIEWPOINT:
             return observation
-        self._take(self._simulator.drive_to(node))
-        self._sense()
+        self._drive(self.mapper.way_home())
         return observation if self.mapper.stuck else self.mapper.observe()
 
-    def _drive(self, goal: tuple[float, float]) -> bool:
-        """Drive to a position, straight when that way is known to be free, else via the robot's viewpoint."""
-        legs = [goal]
-        if not self.mapper.segment_free(self.pose.position, goal):
-            node = self.mapper.position(self._observation.robot)
-            if self.pose.distance_to(node) > 1e-6:
-                legs = [node, goal]
-        return all(self._take(self._simulator.drive_to(point)) for point in legs)
+    def _drive(self, way: list[Position]) -> bool:
+        """Drive along a way, sensing at its corners and its end; return whether the robot got there.
+
+        Where its first leg is not known to be free from where the robot stands, it goes by way of its viewpoint. A task
+        that is complete at a corner is complete there.
+        """
+        if not self.mapper.segment_free(self.pose.position, way[0]) and not self.mapper.stuck:
+            home = self.mapper.way_home()
+            if self.pose.distance_to(home[-1]) > 1e-6:
+                way = [*home, *way]
+        reached = True
+        for place in way:
+            if self.pose.distance_to(place) == 0.0 and place != way[-1]:
+                continue
+            reached = self._take(self._simulator.drive_to(place))
+            self._sense()
+            if not reached or self.task.complete(self.coverage, self.pose):
+                break
+            if place != way[-1]:
+                self.corners.append(len(self.positions) - 1)
+        return reached
 
     def _take(self, leg: Leg) -> bool:
         began = time.process_time()

@@ -22,7 +22,8 @@ from common.errors import MapError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status, TaskName
-from common.planners.lattice import LONGEST_EDGE, TOLERANCE
+from common.mapping.viewpoints import LONGEST_EDGE
+from common.planners.lattice import TOLERANCE
 
 log = logging.getLogger(__name__)
 

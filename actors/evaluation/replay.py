@@ -11,7 +11,7 @@ from actors.evaluation.settings import EvaluationSettings
 from actors.maps.grid_map import GridMap
 from actors.tasks import make_task
 from common.errors import SimulatorError
-from common.planners.lattice import LONGEST_EDGE
+from common.mapping.viewpoints import LONGEST_EDGE
 
 # Recorded waypoints are rounded; so much may differ without being a disagreement.
 METRES = 0.01

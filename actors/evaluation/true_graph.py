@@ -12,7 +12,8 @@ from actors.maps.grid_map import GridMap
 from common.errors import MapError
 from common.jit import njit
 from common.observation import NEIGHBOUR_OFFSETS
-from common.planners.lattice import LONGEST_EDGE, TOLERANCE
+from common.mapping.viewpoints import LONGEST_EDGE
+from common.planners.lattice import TOLERANCE
 
 # Two edges of one spacing go the way of one of two spacings, and the robot sees more on it.
 _DOUBLE = np.gcd(np.abs(NEIGHBOUR_OFFSETS[:, 0]), np.abs(NEIGHBOUR_OFFSETS[:, 1])) > 1

@@ -20,6 +20,8 @@ BLOCKED: Final = 2
 # Rounding of metres to cells must not decide whether a cell is clear, cells.
 _TOLERANCE: Final = 1e-9
 _FAR: Final = 255
+# Positions are whole subcells: what keeps a distance exactly may miss it by a few of them, cells.
+SWEEP_TOLERANCE: Final = 1e-4
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -103,6 +105,67 @@ def _update(
                 if value > before:
                     lost = (min(lost[0], row), row, min(lost[2], column), max(lost[3], column))
     return (*new, *lost)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _point_gap(x: float, y: float, left: float, bottom: float) -> float:
+    """Return the squared distance of a point from the cell whose lower left corner is given, cells."""
+    dx = max(left - x, 0.0, x - left - 1.0)
+    dy = max(bottom - y, 0.0, y - bottom - 1.0)
+    return dx * dx + dy * dy
+
+
+@njit(cache=True, nogil=True)
+def _segment_gap(x0: float, y0: float, x1: float, y1: float, left: float, bottom: float) -> float:
+    """Return the squared distance of a segment from a cell, cells."""
+    gap = min(_point_gap(x0, y0, left, bottom), _point_gap(x1, y1, left, bottom))
+    dx, dy = x1 - x0, y1 - y0
+    length = dx * dx + dy * dy
+    if gap == 0.0 or length == 0.0:
+        return gap
+    side = 0
+    for corner in range(4):
+        px, py = left + corner % 2 - x0, bottom + corner // 2 - y0
+        cross = dx * py - dy * px
+        side += 1 if cross > 0.0 else -1
+        along = min(max((px * dx + py * dy) / length, 0.0), 1.0)
+        ex, ey = px - along * dx, py - along * dy
+        gap = min(gap, ex * ex + ey * ey)
+    if abs(side) < 4:
+        # The line parts the corners: the segment runs through the cell unless it ends before it.
+        low_x, high_x, low_y, high_y = min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1)
+        if high_x >= left and low_x <= left + 1.0 and high_y >= bottom and low_y <= bottom + 1.0:
+            return 0.0
+    return gap
+
+
+@njit(cache=True, nogil=True)
+def sweep(cells: NDArray[np.int8], width: int, x0: float, y0: float, x1: float, y1: float, most: float) -> float:
+    """Return how much space there is around a segment: the distance to the nearest cell that is not free.
+
+    Args:
+        cells: padded grid of the belief, flat, int8.
+        width: its cells per row.
+        x0: start, cells from the lower left corner of the padded grid.
+        y0: start.
+        x1: end.
+        y1: end.
+        most: distances beyond do not matter and are not looked for.
+
+    Returns:
+        Cells, at most ``most``; 0 where the segment touches such a cell.
+    """
+    height = len(cells) // width
+    best = most * most
+    bottom = max(int(np.floor(min(y0, y1) - most)), 0)
+    top = min(int(np.floor(max(y0, y1) + most)), height - 1)
+    left = max(int(np.floor(min(x0, x1) - most)), 0)
+    right = min(int(np.floor(max(x0, x1) + most)), width - 1)
+    for row in range(bottom, top + 1):
+        for column in range(left, right + 1):
+            if cells[row * width + column] != FREE:
+                best = min(best, _segment_gap(x0, y0, x1, y1, float(column), float(row)))
+    return np.sqrt(best)
 
 
 class Clearance:

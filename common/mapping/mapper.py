@@ -14,6 +14,7 @@ from common.geometry import Pose, Scan
 from common.mapping.adjacency import Adjacency
 from common.mapping.beacons import find_beacons
 from common.mapping.belief import Belief
+from common.mapping.clearance import SWEEP_TOLERANCE, sweep
 from common.mapping.distances import shortest_paths
 from common.mapping.frontiers import FrontierChanges, Frontiers
 from common.mapping.planning_set import Frame, anything_left, gather, sparse_edges
@@ -244,8 +245,10 @@ class Mapper:
         return [*self._metres(corners[1:-1]), goal]
 
     def segment_free(self, a: tuple[float, float], b: tuple[float, float]) -> bool:
-        """Whether the robot can drive straight from one position to another: all cells that the segment touches are
-        known to be free, and each of their points is at least the robot's radius from all that is not.
+        """Whether the robot can drive straight from one position to another through what is known to be free.
+
+        A point may touch free cells alone; a robot with a radius keeps that from everything that is not free, or, where
+        it starts nearer, does not come nearer still.
         """
         rows, columns = self.belief.shape
         points = (*self.belief.subcells(a), *self.belief.subcells(b))
@@ -253,7 +256,14 @@ class Mapper:
             if not (1 <= x >> SUBCELL_BITS <= columns and 1 <= y >> SUBCELL_BITS <= rows):
                 return False
         cells = self._graph.cells
-        return bool(blocker(cells.clear, cells.width, *points) == CLEAR)
+        if blocker(cells.clear, cells.width, *points) == CLEAR:
+            return True
+        radius = self._config.robot_radius / self._config.resolution
+        if radius <= 0.0 or blocker(cells.belief, cells.width, *points) != CLEAR:
+            return False
+        x0, y0, x1, y1 = (value / SUBCELLS for value in points)
+        wanted = sweep(cells.belief, cells.width, x0, y0, x0, y0, radius)
+        return bool(sweep(cells.belief, cells.width, x0, y0, x1, y1, wanted) >= wanted - SWEEP_TOLERANCE)
 
     def distances(self, from_node: int) -> NDArray[np.float64]:
         """Return the distance of every node from a viewpoint over edges, metres, shape (nodes,).

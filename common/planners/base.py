@@ -33,8 +33,10 @@ class Plan:
 
     Attributes:
         status: what the planner says about the task.
-        waypoint: where to go next, metres in the map frame; known free, in line of sight of the robot and at most
-            the longest edge of the viewpoint graph away (sqrt(5) spacings); None unless `status` is GOING.
+        waypoint: where to go next, metres in the map frame; None unless `status` is GOING. The way there is straight but
+            for the corners in `via`; each leg leads through known free space with room for the robot, and is at most as
+            long as the longest straight edge of the viewpoint graph (sqrt(5) spacings).
+        via: corners of the way to the waypoint, metres; empty where it is straight.
         beacon: the area that the waypoint leads to, metres, where the planner has such a notion.
         path: the route planned beyond the waypoint, metres, for display.
         reason: why the status is what it is, in words for the robot's operator.
@@ -42,6 +44,7 @@ class Plan:
 
     status: Status
     waypoint: Position | None = None
+    via: list[Position] = field(default_factory=list)
     beacon: Position | None = None
     path: list[Position] = field(default_factory=list)
     reason: str = ""
@@ -54,7 +57,7 @@ class Planner(Protocol):
 
         planner.reset("navigation", target=(40.0, 12.0), seed=7)
         while (plan := planner.plan(mapper, pose)).status is Status.GOING:
-            pose = drive_to(plan.waypoint)
+            pose = drive_along([*plan.via, plan.waypoint])
     """
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -12,10 +13,9 @@ from common.config.schema import MappingConfig
 from common.errors import ConfigError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
+from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Plan, Position, Status, TaskName
 
-# The longest edge of the viewpoint graph, in spacings: the neighbour offset (2, 1).
-LONGEST_EDGE: Final = 5.0**0.5
 # The robot has scanned from a viewpoint once it stood this near to it, in spacings.
 ON_VIEWPOINT: Final = 0.25
 # A decision changes between equally good choices only for more than this, metres.
@@ -131,35 +131,56 @@ def check_task(name: str, tasks: frozenset[TaskName], task: TaskName) -> None:
 
 
 def lead_to(mapper: Mapper, pose: Pose, stops: list[int], spacing: float) -> Plan:
-    """Return the plan that goes one edge towards the first stop; see `first_legs` for a robot beside its viewpoint."""
+    """Return the plan that goes one edge towards the first stop; see `next_leg` for a robot beside its viewpoint."""
     route = [mapper.robot]
     for stop in stops:
         route += mapper.path(route[-1], stop)[1:]
-    places = first_legs(mapper, pose, [mapper.position(node) for node in route], spacing)
-    if not places:
+    plan = next_leg(mapper, pose, route, spacing)
+    if plan.waypoint is None:
         return Plan(Status.COMPLETE, reason="the robot stands on the only viewpoint that is left to visit")
-    return Plan(Status.GOING, waypoint=places[0], beacon=mapper.position(stops[0]), path=places[1:])
+    return replace(plan, beacon=mapper.position(stops[0]))
 
 
-def first_legs(mapper: Mapper, pose: Pose, route: list[Position], spacing: float) -> list[Position]:
-    """Return where to drive so as to follow a route that begins at the robot's viewpoint, metres.
+def next_leg(mapper: Mapper, pose: Pose, route: list[int], spacing: float) -> Plan:
+    """Return the plan that drives one edge along a route of nodes that begins at the robot's viewpoint.
 
     A robot beside its viewpoint cuts the corner where the next place of the route is in sight and near enough. One
     that has stopped almost on its viewpoint, as real ones do, can be a little too far for the longest edge: it drives
-    as far as it may. Otherwise it drives onto its own viewpoint first.
+    as far as it may. Otherwise it drives onto its own viewpoint first. Without a place to go the plan has no waypoint.
     """
-    beside = pose.distance_to(route[0])
-    if beside <= TOLERANCE:
-        return route[1:]
+    places = [mapper.position(node) for node in route]
+    beside = pose.distance_to(places[0])
     if len(route) > 1:
-        distance, longest = pose.distance_to(route[1]), LONGEST_EDGE * spacing
-        there = route[1]
-        if distance > longest + TOLERANCE and beside <= ON_VIEWPOINT * spacing + TOLERANCE:
+        way = mapper.way(route[0], route[1])
+        if beside > TOLERANCE:
+            way = _cut_corner(mapper, pose, way, LONGEST_EDGE * spacing, almost=beside <= ON_VIEWPOINT * spacing)
+        if way:
+            return Plan(Status.GOING, waypoint=way[-1], via=way[:-1], path=places[2:])
+    if beside <= TOLERANCE:
+        return Plan(Status.COMPLETE)
+    way = mapper.way_home()
+    return Plan(Status.GOING, waypoint=way[-1], via=way[:-1], path=places[1:])
+
+
+def _cut_corner(mapper: Mapper, pose: Pose, way: list[Position], longest: float, *, almost: bool) -> list[Position]:
+    """Return how a robot beside its viewpoint drives the way from there, empty where it has to go there first.
+
+    Args:
+        mapper: updated at the pose.
+        pose: where the robot stands.
+        way: from the robot's viewpoint, metres, that left out.
+        longest: leg, metres.
+        almost: the robot stands almost on its viewpoint.
+    """
+    for k in range(len(way) - 1, -1, -1):
+        there = way[k]
+        distance = pose.distance_to(there)
+        if distance > longest + TOLERANCE and almost and k == len(way) - 1:
             share = longest / distance
             there = (pose.x + share * (there[0] - pose.x), pose.y + share * (there[1] - pose.y))
         if pose.distance_to(there) <= longest + TOLERANCE and mapper.segment_free(pose.position, there):
-            return [there, *route[2:]]
-    return route
+            return [there, *way[k + 1 :]]
+    return []
 
 
 def nothing_left(useful: int) -> str:

@@ -17,7 +17,7 @@ from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.greedy import GreedyPlanner
 from common.planners.held_waypoint import HeldWaypoint
-from common.planners.lattice import ScannedViewpoints, check_task, first_legs, lead_to, nothing_left
+from common.planners.lattice import ScannedViewpoints, check_task, lead_to, next_leg, nothing_left
 from common.planners.news import PlacesSinceNews
 from common.policy import Policy
 from common.policy_file import PolicyCard, read_policy
@@ -163,9 +163,8 @@ class LearnedPlanner:
         if self._factor > 1:
             self._held.hold(mapper, waypoint)
             return self._lead_to(mapper, pose, waypoint)
-        route = [mapper.position(mapper.robot), mapper.position(waypoint)]
-        legs = first_legs(mapper, pose, route, self._config.viewpoint_spacing)
-        return Plan(Status.GOING, waypoint=legs[0], beacon=self._beacon, path=legs[1:])
+        plan = next_leg(mapper, pose, [mapper.robot, waypoint], self._config.viewpoint_spacing)
+        return replace(plan, beacon=self._beacon)
 
     def _end(self, mapper: Mapper, pose: Pose) -> Plan | None:
         """Say why there is nothing to decide; None where there is."""

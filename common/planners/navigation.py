@@ -11,9 +11,10 @@ from common.config.schema import MappingConfig
 from common.errors import ConfigError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
+from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.grid_search import NO_WAY, UNITS
-from common.planners.lattice import LONGEST_EDGE, MAX_ATTEMPTS, ON_VIEWPOINT, check_task, first_legs
+from common.planners.lattice import MAX_ATTEMPTS, ON_VIEWPOINT, check_task, first_legs
 from common.planners.optimistic import OptimisticLattice
 
 # Decisions in a row from one place, whatever they were, before the robot counts as stuck.

@@ -10,8 +10,9 @@ from common.config.schema import MappingConfig
 from common.errors import ConfigError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
+from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Plan, Position, Status
-from common.planners.lattice import LONGEST_EDGE, TOLERANCE
+from common.planners.lattice import TOLERANCE
 from common.planners.rrt import Tree
 from common.planners.sampling import Corner, SamplingPlanner
 

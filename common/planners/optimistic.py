@@ -12,10 +12,11 @@ from common.jit import njit
 from common.mapping.belief import Belief
 from common.mapping.raycast import SUBCELL_BITS, to_subcells
 from common.mapping.sight import CLEAR, FREE, OCCUPIED, Box, blocker, may_touch
+from common.mapping.viewpoints import LONGEST_EDGE
 from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS
 from common.planners.base import Position
 from common.planners.grid_search import NO_WAY, UNITS
-from common.planners.lattice import LONGEST_EDGE, TOLERANCE
+from common.planners.lattice import TOLERANCE
 
 # The lattice goes on this many spacings beyond the belief, the robot and the target: ways around what is known, through
 # what is not, are part of the world at its best.

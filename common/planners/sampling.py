@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from common.config.schema import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
+from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Plan, Position, Status, TaskName
-from common.planners.lattice import LONGEST_EDGE, check_task
+from common.planners.lattice import check_task
 from common.planners.rrt import free_box
 from common.planners.visibility import unknown_in_sight
 

@@ -18,7 +18,7 @@ from common.jit import njit
 from common.mapping.mapper import Mapper
 from common.mapping.sight import FREE, OCCUPIED, UNKNOWN
 from common.planners.base import Plan, Position, Status
-from common.planners.lattice import LONGEST_EDGE
+from common.mapping.viewpoints import LONGEST_EDGE
 
 # A frontier cell counts with so many others around it, itself included; fewer are noise.
 _CLUSTER: Final = 4
