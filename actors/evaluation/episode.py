@@ -13,6 +13,7 @@ from actors.environment import Environment
 from actors.evaluation.pixels import to_pixels
 from actors.evaluation.results import PLACES, DecisionTime, EpisodeResult
 from actors.maps.grid_map import GridMap
+from actors.tasks.coverage import Coverage
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.messages.experience import End
@@ -42,10 +43,12 @@ class Outcome:
         steps: decisions that were carried out.
         success: the task was completed.
         explored: share of the reachable free area that was seen.
-        reason: why it ended, in words.
+        reason: why it ended, in words; what an exploration left unseen, with its area and place, stands in it.
         decision_ms: processor time of every decision, mapping included, milliseconds.
         crashed: the episode did not end by itself: the planner raised an error, or its process ended.
         notes: counts that a planner keeps, such as decisions of the rule against cycles.
+        corners: those of the waypoints, by number, at which nothing was decided: corners of ways that are not straight.
+        unseen: reachable area that an exploration left unseen although it ended, square metres.
     """
 
     waypoints: list[Position]
@@ -57,6 +60,8 @@ class Outcome:
     decision_ms: list[float]
     crashed: bool = False
     notes: dict[str, int] = field(default_factory=dict)
+    corners: list[int] = field(default_factory=list)
+    unseen: float = 0.0
 
     def result(self, name: str) -> EpisodeResult:
         """Return the episode as it stands in a results file, under its map's name."""
@@ -71,6 +76,9 @@ class Outcome:
             decision_ms=DecisionTime(
                 median=round(float(np.median(times)), PLACES), p95=round(float(np.quantile(times, 0.95)), PLACES)
             ),
+            corners=self.corners,
+            reason=self.reason,
+            unseen_m2=round(self.unseen, PLACES),
         )
 
 
@@ -92,8 +100,8 @@ class Place(NamedTuple):
     @classmethod
     def of(cls, environment: Environment) -> Place:
         """Return where an environment's robot stands."""
-        x, y = to_pixels(environment.world, environment.pose.position)
-        return cls(round(x, PLACES), round(y, PLACES), environment.distance, environment.coverage.explored)
+        x, y = _rounded(environment.world, environment.pose.position)
+        return cls(x, y, environment.distance, environment.coverage.explored)
 
 
 Tell = Callable[[str, Place | None], None]
@@ -157,17 +165,36 @@ def run_episode(
             break
         # Only deciding is limited: driving under physics takes what it takes.
         tell("drive", None)
-        environment.step_to(plan.waypoint)
+        environment.step_to(plan.waypoint, plan.via)
         places.append(Place.of(environment))
         tell("moved", places[-1])
     applied = getattr(planner, "rule_applied", None)
+    unseen = environment.coverage.unseen_area if task == "exploration" and not environment.success else 0.0
     return Outcome(
-        waypoints=[(place.x, place.y) for place in places],
+        waypoints=[_rounded(world, position) for position in environment.positions],
         distance=environment.distance,
         steps=environment.steps,
         success=environment.success,
         explored=environment.coverage.explored,
-        reason=environment.reason or reason,
+        reason=(environment.reason or reason) + (_left(environment.coverage) if unseen else ""),
         decision_ms=times,
         notes={} if applied is None else {"rule_applied": int(applied)},
+        corners=list(environment.corners),
+        unseen=unseen,
     )
+
+
+def _rounded(world: GridMap, position: Position) -> Position:
+    """Return a position in pixels of the image, as results files have them."""
+    x, y = to_pixels(world, position)
+    return round(x, PLACES), round(y, PLACES)
+
+
+def _left(coverage: Coverage) -> str:
+    """Say what an exploration has not seen of what can be reached."""
+    largest = coverage.largest_unseen()
+    words = f"; {coverage.unseen_area:.1f} m2 of reachable space are unseen"
+    if largest is not None:
+        area, (x, y) = largest
+        words += f", {area:.1f} m2 of it around ({x:.1f}, {y:.1f}) m"
+    return words

@@ -21,8 +21,8 @@ from common.config.schema import MappingConfig, SimulatorConfig, TaskConfig
 from common.errors import MapError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
-from common.planners.base import Plan, Position, Status, TaskName
 from common.mapping.viewpoints import LONGEST_EDGE
+from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.lattice import TOLERANCE
 
 log = logging.getLogger(__name__)

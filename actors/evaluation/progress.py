@@ -66,6 +66,13 @@ def run_and_show(evaluation: Evaluation, planners: Sequence[str], jobs: int, con
     crashes = evaluation.crashes()
     for name in rows:
         console.print(f"{evaluation.results_file(name)}: {evaluation.done(name)} episodes", highlight=False)
+    for name, found in evaluation.incomplete().items():
+        map_name, outcome = max(found, key=lambda entry: entry[1].unseen)
+        console.print(
+            f"[bold yellow]{name}: {len(found)} explorations ended incomplete[/], the most is left on {map_name}:",
+            highlight=False,
+        )
+        console.print(f"  {outcome.reason}", markup=False, highlight=False)
     for name, found in crashes.items():
         first, outcome = found[0]
         console.print(f"[bold red]{name}: {len(found)} episodes crashed[/], the first on {first}:", highlight=False)

@@ -26,7 +26,7 @@ class Recount:
     Attributes:
         map: name of the map.
         distance: metres.
-        steps: number of waypoints after the start.
+        steps: number of waypoints after the start that are no corners.
         success: the task was complete at the last waypoint.
         explored: share of the reachable free area that was seen.
         problems: disagreements and broken rules, in words; empty when all agrees.
@@ -82,13 +82,14 @@ def recount(results: Results, episode: EpisodeResult, world: GridMap, settings: 
             last = moment
     except SimulatorError as error:
         problems.append(str(error))
-    steps = len(episode.waypoints) - 1
+    steps = len(episode.waypoints) - 1 - len(episode.corners)
     success = complete_at >= 0
     distance = 0.0 if last is None else last.distance
     explored = 0.0 if last is None else last.coverage.explored
     problems += _compare(episode, distance, steps, success, explored)
-    if success and complete_at < steps:
-        problems.append(f"the task was complete at step {complete_at} already, {steps} steps are recorded")
+    last_waypoint = len(episode.waypoints) - 1
+    if success and complete_at < last_waypoint:
+        problems.append(f"the task was complete at waypoint {complete_at} already, {last_waypoint} are recorded")
     if steps > settings.task.max_steps:
         problems.append(f"{steps} steps were made, at most {settings.task.max_steps} are allowed")
     return Recount(episode.map, distance, steps, success, explored, tuple(problems))
@@ -100,7 +101,7 @@ def _compare(episode: EpisodeResult, distance: float, steps: int, success: bool,
     if abs(episode.distance_m - distance) > METRES + 1e-4 * distance:
         problems.append(f"distance_m says {episode.distance_m:.2f}, the waypoints make {distance:.2f}")
     if episode.steps != steps:
-        problems.append(f"steps says {episode.steps}, there are {steps} waypoints after the start")
+        problems.append(f"steps says {episode.steps}, there are {steps} waypoints after the start that are no corners")
     if episode.success != success:
         problems.append(
             f"success says {str(episode.success).lower()}, but at the last waypoint the task is "

@@ -143,15 +143,22 @@ class Evaluation(Closing):
 
     def crashes(self) -> dict[str, list[tuple[str, Outcome]]]:
         """Return the episodes that did not end by themselves: by planner, with the maps' names."""
+        return self._outcomes(lambda outcome: outcome.crashed)
+
+    def incomplete(self) -> dict[str, list[tuple[str, Outcome]]]:
+        """Return the explorations that ended although reachable space is unseen: by planner, with the maps' names."""
+        return self._outcomes(lambda outcome: outcome.unseen > 0.0 and not outcome.crashed)
+
+    def _outcomes(self, chosen: Callable[[Outcome], bool]) -> dict[str, list[tuple[str, Outcome]]]:
         found = {
             planner: [
                 (self._worlds.name(number), journal.outcomes[number])
                 for number in self._worlds.numbers
-                if number in journal.outcomes and journal.outcomes[number].crashed
+                if number in journal.outcomes and chosen(journal.outcomes[number])
             ]
             for planner, journal in self._journals.items()
         }
-        return {planner: crashes for planner, crashes in found.items() if crashes}
+        return {planner: outcomes for planner, outcomes in found.items() if outcomes}
 
     def results_file(self, planner: str) -> Path:
         """Return where a planner's results are."""

@@ -68,6 +68,7 @@ def notes(found: Sequence[Results], baseline: str | None) -> list[str]:
     }
     if failures:
         lines.append("Failures: " + ", ".join(f"{name} {count}" for name, count in failures.items()) + ".")
+    lines += _unseen(found)
     if len({frozenset(episode.map for episode in results.episodes) for results in found}) > 1:
         lines.append("Not all planners have the same maps: means differ in their maps, ratios and tests are paired.")
     if baseline is not None:
@@ -80,6 +81,19 @@ def notes(found: Sequence[Results], baseline: str | None) -> list[str]:
         )
     commits = list(dict.fromkeys(results.commit for results in found))
     lines.append(f"Commit {'; '.join(commits)}; seed {', '.join(sorted({str(results.seed) for results in found}))}.")
+    return lines
+
+
+def _unseen(found: Sequence[Results]) -> list[str]:
+    """Say which explorations ended although much was unseen."""
+    lines = []
+    for results in found:
+        left = [episode for episode in results.episodes if episode.unseen_m2 > 0.0]
+        if left:
+            most = max(left, key=lambda episode: episode.unseen_m2)
+            lines.append(
+                f"{results.planner} left reachable space unseen on {len(left)} maps, most on {most.map}: {most.reason}."
+            )
     return lines
 
 

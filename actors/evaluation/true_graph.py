@@ -11,8 +11,8 @@ from actors.expert.lattice import TrueLattice, line_free
 from actors.maps.grid_map import GridMap
 from common.errors import MapError
 from common.jit import njit
-from common.observation import NEIGHBOUR_OFFSETS
 from common.mapping.viewpoints import LONGEST_EDGE
+from common.observation import NEIGHBOUR_OFFSETS
 from common.planners.lattice import TOLERANCE
 
 # Two edges of one spacing go the way of one of two spacings, and the robot sees more on it.
