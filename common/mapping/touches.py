@@ -54,9 +54,11 @@ def find_touches(
         for i in range(columns):
             for side in range(2):
                 to_j, to_i = j + side, i + 1 - side
-                if to_j >= rows or to_i >= columns or not (dirty[j, i] or dirty[to_j, to_i]):
+                inside = to_j < rows and to_i < columns
+                if not dirty[j, i] and not (inside and dirty[to_j, to_i]):
                     continue
-                first, second = first_of[j * columns + i], first_of[to_j * columns + to_i]
+                first = first_of[j * columns + i]
+                second = first_of[to_j * columns + to_i] if inside else -1
                 piece = first
                 while piece >= 0:
                     count[piece, side] = 0
