@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from actors.evaluation.large.cli import app as large_app
 from actors.evaluation.options import ConfigFile, Limit, Maps, Overrides, Start, Target, TaskChoice, resolve
@@ -106,12 +107,12 @@ def run(
         seed=seed,
         time_limit=time_limit,
         policy=policy,
-        tell=lambda line: console.print(line, highlight=False, soft_wrap=True),
+        tell=lambda line: console.print(line, markup=False, emoji=False, highlight=False, soft_wrap=True),
     )
     names = planner_list(planner)
     with Evaluation(settings, names, out, overwrite=overwrite) as evaluation:
         if warning := evaluation.limit_warning():
-            console.print(f"[bold yellow]warning:[/] {warning}", highlight=False, soft_wrap=True)
+            console.print("[bold yellow]warning:[/]", escape(warning), emoji=False, highlight=False, soft_wrap=True)
         crashed = run_and_show(evaluation, names, jobs, console)
     if crashed:
         raise typer.Exit(EXIT_ERROR)

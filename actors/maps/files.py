@@ -6,12 +6,16 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from actors.maps.colours import classify
 from actors.maps.grid_map import GridMap
 from actors.maps.image_map import load_image
-from actors.maps.images import SUFFIXES
+from actors.maps.images import SUFFIXES, Pixels
 from actors.maps.placing import Position
 from actors.maps.recommended import FILE_NAME, Places
 from actors.maps.ros_map import load_ros_map, names_image, read_map_server_file
+from actors.maps.turning import turn
 from common.errors import MapError
 
 YAML_SUFFIXES = frozenset({".yaml", ".yml"})
@@ -117,6 +121,12 @@ def list_maps(folder: Path, places: dict[str, Places] | None = None) -> list[Map
         for path in found
         for place in [places.get(path.as_posix(), Places())]
     ]
+
+
+def warm_up() -> None:
+    """Compile all kernels that map files need, or load them from numba's cache, before processes start."""
+    classify(Pixels(np.zeros((1, 4), dtype=np.uint8), None, (1, 1), has_alpha=False, lossy=False))
+    turn(np.ones((1, 1), dtype=np.bool_), 1.0, (0.0, 0.0), 0.5)
 
 
 def natural_key(path: Path) -> tuple[tuple[tuple[int, int, str], ...], str]:
