@@ -28,9 +28,8 @@ def command_errors(function: Callable[P, R]) -> Callable[P, R]:
             return function(*args, **kwargs)
         except HDError as error:
             # Without emoji: the one of `:office:` is a house, and generators have such names.
-            Console(stderr=True, highlight=False, soft_wrap=True, emoji=False).print(
-                f"[bold red]error:[/] {_plain(str(error))}"
-            )
+            console = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
+            console.print(f"[bold red]error:[/] {_plain(str(error))}")
             raise typer.Exit(EXIT_ERROR) from None
         except KeyboardInterrupt:
             sys.stderr.write("interrupted\n")

@@ -32,7 +32,7 @@ def test_errors_are_one_line_and_a_non_zero_exit(error, code, words):
 def test_names_between_colons_stay_as_they_are(capsys) -> None:
     @command_errors
     def command() -> None:
-        raise HDError("generator:office: no such thing")
+        raise ConfigError("generator:office: no such thing")
 
     with pytest.raises(typer.Exit):
         command()
