@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -80,6 +80,10 @@ class Recommendation:
         """Scale of its images."""
         return self.settings.get(SCALE)
 
+    def without(self, path: str) -> Recommendation:
+        """Return this one without a setting."""
+        return replace(self, settings={key: value for key, value in self.settings.items() if key != path})
+
     def over(self, other: Recommendation) -> Recommendation:
         """Return this one with what only another says added."""
         name = " and ".join(each for each in (self.name, other.name) if each)
@@ -115,7 +119,7 @@ def read_folder(folder: Path) -> Recommendation:
 
 
 def joined(recommendations: Sequence[Recommendation], explicit: Sequence[str]) -> dict[str, Any]:
-    """Join what several sources recommend: of step limits the largest, scales left out, anything else if they agree.
+    """Join what several sources recommend: of step limits the largest, a scale if they agree, anything else must agree.
 
     Args:
         recommendations: one for each source.
@@ -130,12 +134,13 @@ def joined(recommendations: Sequence[Recommendation], explicit: Sequence[str]) -
     found: dict[str, Any] = {}
     for path in dict.fromkeys(path for each in recommendations for path in each.settings):
         values = [each.settings.get(path) for each in recommendations]
-        if path == SCALE or path in explicit:
+        agree = all(value == values[0] for value in values)
+        if path in explicit or (path == SCALE and not agree):
             continue
         if path == MAX_STEPS:
             numbers = [value for value in values if isinstance(value, int)]
             found[path] = AUTO if AUTO in values else max(numbers)
-        elif any(value != values[0] for value in values):
+        elif not agree:
             names = [each.name or "a source without settings" for each in recommendations]
             said = ", ".join(f"{name} says {value}" for name, value in zip(names, values, strict=True))
             raise ConfigError(

@@ -22,7 +22,7 @@ import numpy as np
 from actors.maps.files import MapFile, is_map_file, list_maps
 from actors.maps.generators import Generator, make_generator
 from actors.maps.grid_map import GridMap
-from actors.maps.recommended import FILE_NAME, ROS_PRESET, Recommendation, preset_names, read_folder, read_preset
+from actors.maps.recommended import FILE_NAME, ROS_PRESET, SCALE, Recommendation, preset_names, read_folder, read_preset
 from actors.maps.spec import GENERATOR_PREFIX, MapSpec, parameters, parse_spec, place_text
 from common.errors import MapError
 
@@ -220,12 +220,13 @@ def _open(spec: str, metres_per_pixel: float | None, task: Task) -> MapSource:
 
 
 def _recommended(spec: MapSpec, files: Sequence[MapFile]) -> Recommendation:
-    own = read_folder(_set_folder(spec))
+    found = read_folder(_set_folder(spec))
+    all_ros = all(file.is_ros for file in files)
     if spec.preset:
-        return read_preset(spec.preset).over(own)
-    if not own.settings and all(file.is_ros for file in files):
-        return read_preset(ROS_PRESET).over(own)
-    return own
+        found = read_preset(spec.preset).over(found)
+    elif all_ros and not found.settings:
+        found = read_preset(ROS_PRESET).over(found)
+    return found.without(SCALE) if all_ros else found
 
 
 def _set_folder(spec: MapSpec) -> Path:

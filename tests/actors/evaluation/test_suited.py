@@ -15,7 +15,9 @@ def test_settings_of_a_set_hold_unless_somebody_says_otherwise(tmp_path: Path, m
     settings = resolve([f"floorplans:{tmp_path}"], None, None, None, tell=told.append)
     assert (settings.metres_per_pixel, settings.mapping.resolution, settings.mapping.robot_radius) == (0.1, 0.1, 0.25)
     assert (settings.task.unseen_area, settings.task.max_steps) == (5.0, 128)
-    assert len(told) == 1 and told[0].startswith("settings of floorplans: mapping.resolution=0.1 ")
+    assert len(told) == 1 and told[0].startswith(
+        "settings of floorplans: maps.metres_per_pixel=0.1 mapping.resolution=0.1 "
+    )
     file = tmp_path / "run.toml"
     file.write_text("[mapping]\nresolution = 0.2\n")
     monkeypatch.setenv("HD_TASK__UNSEEN_AREA", "3")

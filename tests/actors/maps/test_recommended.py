@@ -75,7 +75,9 @@ def test_generators_take_the_preset_of_their_name() -> None:
 
 def test_ros_maps_count_as_floor_plans_of_their_own_scale(tmp_path: Path) -> None:
     path = write_ros(tmp_path / "plan.yaml")
-    assert recommended(f"{path}?start=1.5,1.0").settings == read_preset("floorplans").settings
+    without_scale = read_preset("floorplans").without("maps.metres_per_pixel").settings
+    assert recommended(f"{path}?start=1.5,1.0").settings == without_scale
+    assert recommended(f"floorplans:{path}?start=1.5,1.0").settings == without_scale
     assert open_sources([f"{path}?start=1.5,1.0"], 0.25, "exploration").scales == {0.05}
     (tmp_path / "worlds.toml").write_text('[mapping]\nresolution = 0.2\n[worlds."plan.yaml"]\nstart = [1.5, 1.0]\n')
     assert recommended(str(tmp_path)).settings == {"mapping.resolution": 0.2}
@@ -125,6 +127,6 @@ def test_sources_that_need_different_settings_are_told_apart() -> None:
         joined([fine, Recommendation()], [])
     assert joined([fine, coarse], ["mapping.resolution"]) == {"task.max_steps": 500}
     assert joined([fine, Recommendation()], ["mapping.resolution"]) == {"task.max_steps": 300}
-    assert joined([fine], []) == {"mapping.resolution": 0.1, "task.max_steps": 300}
+    assert joined([fine, fine], []) == fine.settings
     auto = Recommendation("auto", {"task.max_steps": "auto"})
     assert joined([fine, auto], ["mapping.resolution"]) == {"task.max_steps": "auto"}
