@@ -355,9 +355,7 @@ class Mapper:
         padded = self.belief.padded
         cells, width = padded.reshape(-1), padded.shape[1]
         beacon = find_beacons(cells, width, x, y, utility > 0, self._beacon_reach)
-        degree, neighbours, bent, bent_length = sparse_edges(
-            self._edges.pointer, self._edges.neighbours, self._edges.lengths, self._edges.bent, config.viewpoint_spacing
-        )
+        degree, neighbours, bent, bent_length = sparse_edges(self._edges, config.viewpoint_spacing)
         target = self._target
         if target is not None:
             target.tie(self.belief, graph, self._numbers, x, y, beacon)

@@ -284,8 +284,8 @@ def _renew_viewpoints(
     """Settle the dirty squares, find the robot, choose the viewpoints, and take those that are no more off the lists.
 
     Returns:
-        Height of the stack of free numbers, the pieces that are no more, the robot's piece, the pieces of new viewpoints
-        and of ended ones, and how long a list of pairs can become.
+        Height of the stack of free numbers, the pieces that are no more, the robot's piece, the pieces of new and of
+        ended viewpoints, and how long a list of pairs can become.
     """
     used = len(pieces)
     touch_count, touched, length = touches
