@@ -59,6 +59,46 @@ def _label_dirty(cells: Cells, layout: Layout, dirty: NDArray[np.bool_], counts:
 
 
 @njit(cache=True, nogil=True)
+def _mark_moved(
+    cells: Cells,
+    layout: Layout,
+    pieces: Any,
+    first_of: NDArray[np.int32],
+    dirty: NDArray[np.bool_],
+    margin: int,
+    reach: int,
+) -> None:
+    """Make those squares dirty as well in which a viewpoint has to move, because of what changed in squares nearby.
+
+    Args:
+        cells: of the belief; the clear space is up to date.
+        layout: of the squares.
+        pieces: all pieces.
+        first_of: first piece of each square.
+        dirty: squares whose cells changed; those that follow are set.
+        margin: space around a place that counts at most, cells.
+        reach: squares that it can span.
+    """
+    rows, columns = dirty.shape
+    near = np.zeros((rows, columns), dtype=np.bool_)
+    for j in range(rows):
+        for i in range(columns):
+            if dirty[j, i]:
+                near[max(j - reach, 0) : j + reach + 1, max(i - reach, 0) : i + reach + 1] = True
+    for j in range(rows):
+        for i in range(columns):
+            if dirty[j, i] or not near[j, i]:
+                continue
+            piece = first_of[j * columns + i]
+            while piece >= 0:
+                p = pieces[piece]
+                if p.x >= 0 and not p.centred:
+                    x, y = best_place(cells, layout, j, i, p.label, margin)
+                    dirty[j, i] |= x != p.x or y != p.y
+                piece = p.next
+
+
+@njit(cache=True, nogil=True)
 def _largest(begin: NDArray[np.int64]) -> int:
     most = 1
     for k in range(len(begin) - 1):
@@ -431,6 +471,7 @@ class ViewpointGraph:
         # The robot is at its viewpoint within half a spacing.
         self._visit_reach = round(spacing / belief.resolution * SUBCELLS) // 2
         self._margin = max(round(PLACE_MARGIN / belief.resolution), 1)
+        self._margin_squares = ceil(self._margin / int(spacing / belief.resolution))
         self._clear_reach = ceil((radius + MARGIN_REACH) / belief.resolution)
         # One subcell of rounding at either end must not cut off a viewpoint that is exactly as far as edges reach.
         self.edge_reach = int(LONGEST_EDGE * spacing / belief.resolution * SUBCELLS) + 2
@@ -471,6 +512,7 @@ class ViewpointGraph:
             box, lost = self._clearance.update(
                 cells.belief.reshape(-1, cells.width), changed, lost, layout.row_of, layout.column_of, self.dirty
             )
+            _mark_moved(cells, layout, self.pieces, self.first_of, self.dirty, self._margin, self._margin_squares)
             total = int(_label_dirty(cells, layout, self.dirty, self._counts))
             if total > self._free_count:
                 self._reserve(self.used + max(self.used, total))
