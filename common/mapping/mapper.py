@@ -217,6 +217,10 @@ class Mapper:
         goal = self.position(b)
         if b == n:
             assert self._target is not None
+            if a not in self._target.links:
+                raise MappingError(
+                    f"node {a} has no link to the target: ask for the ways between neighbours, as `path` does"
+                )
             return [*self._metres(self._target.way(self._graph, int(self._order[a]))[1:-1]), goal]
         row = slice(int(self._edges.pointer[a]), int(self._edges.pointer[a + 1]))
         place = np.flatnonzero(self._edges.neighbours[row] == b)
