@@ -453,8 +453,11 @@ class ViewpointGraph:
         self._first_cell = belief.first_cell
         if previous is not None:
             down, right = (a - b for a, b in zip(previous._first_cell, self._first_cell, strict=True))
-            rows, columns = previous._been.shape
-            been[down : down + rows, right : right + columns] |= previous._been
+            # Without their rings: an empty grid lies nowhere.
+            known = previous._been[1:-1, 1:-1]
+            rows, columns = known.shape
+            if known.size:
+                been[down + 1 : down + 1 + rows, right + 1 : right + 1 + columns] = known
         self._been = been
         self.cells = Cells(
             belief=belief.padded.reshape(-1),

@@ -21,3 +21,12 @@ def test_a_viewpoint_beside_its_lattice_point_keeps_away_from_a_wall_in_the_next
     mapper.belief.assign(cells[1:7, 16:17], (4.0, 0.25))
     mapper.update(Pose(3.9, 1.0))
     assert mapper.position(mapper.robot) == (3.625, 1.625)
+
+
+def test_a_first_look_far_from_an_empty_belief_grows_it():
+    mapper = Mapper(small_config(), lattice_origin=(1.0, 1.0))
+    mapper.update(Pose(40.0, 40.0))
+    assert mapper.stuck
+    mapper.belief.assign(np.zeros((20, 20), dtype=np.int8), (35.0, 35.0))
+    mapper.update(Pose(40.0, 40.0))
+    assert not mapper.stuck
