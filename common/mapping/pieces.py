@@ -193,7 +193,8 @@ def survey(
         Whether the square's pieces are what they will stay, nearly: a wall was seen in it, or nothing is unknown.
     """
     width, labels = cells.width, cells.labels
-    wall, unknown = False, False
+    # What lies outside the grid is unknown.
+    wall, unknown = False, not (layout.row_whole[j] and layout.column_whole[i])
     for row in range(layout.row_begin[j], layout.row_begin[j + 1]):
         for cell in range(row * width + layout.column_begin[i], row * width + layout.column_begin[i + 1]):
             value = cells.belief[cell]

@@ -30,3 +30,16 @@ def test_a_first_look_far_from_an_empty_belief_grows_it():
     mapper.belief.assign(np.zeros((20, 20), dtype=np.int8), (35.0, 35.0))
     mapper.update(Pose(40.0, 40.0))
     assert not mapper.stuck
+
+
+def test_a_square_that_the_grid_cuts_off_is_only_partly_known():
+    # Cells up to x = 4.5: the third column of squares begins at 4 m, its lattice points lie at 5 m.
+    plain = small_config(viewpoint_spacing=2.0, resolution=0.5)
+    cells = np.zeros((12, 9), dtype=np.int8)
+    small, large = (Mapper(plain, lattice_origin=(1.0, 1.0)) for _ in range(2))
+    small.belief.assign(cells, (0.0, 0.0))
+    large.belief.assign(np.pad(cells, ((0, 0), (0, 5)), constant_values=-1), (0.0, 0.0))
+    for mapper in (small, large):
+        mapper.update(Pose(1.0, 1.0))
+        # The strip right of x = 4 does not hold its lattice points and may become more.
+        assert sorted(set(mapper.viewpoints[:, 0].tolist())) == [1.0, 3.0]
