@@ -104,7 +104,8 @@ class Mapper:
         changed = belief.take_changes()
         frontiers = _NO_CHANGES
         if changed is not None:
-            frontiers = self._frontiers.update(belief.padded, changed, self._graph.layout, self._graph.dirty)
+            graph = self._graph
+            frontiers = self._frontiers.update(belief.padded, changed, graph.layout, graph.dirty, graph.beside)
             self.frontiers_removed += len(frontiers.removed)
         robot = belief.subcells(pose.position)
         self._graph.update(changed, frontiers.lost, robot, everywhere=self._everywhere)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from common.jit import njit
 from common.mapping.belief import Belief
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 
@@ -28,6 +29,7 @@ class Layout(NamedTuple):
         column_of: column of squares of each column of the padded grid, likewise.
         row_whole: rows of squares that end nowhere outside the grid, bool, shape (rows,).
         column_whole: columns of squares, likewise.
+        margin: cells beside a square that matter to it, at most its side.
     """
 
     x: NDArray[np.int64]
@@ -38,15 +40,32 @@ class Layout(NamedTuple):
     column_of: NDArray[np.int32]
     row_whole: NDArray[np.bool_]
     column_whole: NDArray[np.bool_]
+    margin: int
 
 
-def lay_out(belief: Belief, lattice_origin: tuple[float, float], spacing: float) -> tuple[Layout, tuple[int, int]]:
+@njit(cache=True, nogil=True, inline="always")
+def mark(layout: Layout, row: int, column: int, dirty: NDArray[np.bool_], beside: NDArray[np.bool_]) -> None:
+    """Note that a cell changed: of its square, and of those whose margin it lies in."""
+    row_of, column_of, margin = layout.row_of, layout.column_of, layout.margin
+    dirty[row_of[row], column_of[column]] = True
+    bottom, top = row_of[max(row - margin, 0)], row_of[min(row + margin, len(row_of) - 1)]
+    left, right = column_of[max(column - margin, 0)], column_of[min(column + margin, len(column_of) - 1)]
+    beside[bottom, left] = True
+    beside[bottom, right] = True
+    beside[top, left] = True
+    beside[top, right] = True
+
+
+def lay_out(
+    belief: Belief, lattice_origin: tuple[float, float], spacing: float, margin: int
+) -> tuple[Layout, tuple[int, int]]:
     """Lay squares over the belief's grid.
 
     Args:
         belief: its grid as it is allocated now.
         lattice_origin: (x, y) of one lattice point, metres.
         spacing: side of the squares, metres.
+        margin: cells beside a square that matter to it.
 
     Returns:
         The squares, and the numbers (i, j) of the lattice point of square (0, 0), which outlive a growth of the grid.
@@ -54,7 +73,7 @@ def lay_out(belief: Belief, lattice_origin: tuple[float, float], spacing: float)
     rows, columns = belief.shape
     x, column_begin, column_of, column_whole, i = _axis(belief, lattice_origin, spacing, 0, columns)
     y, row_begin, row_of, row_whole, j = _axis(belief, lattice_origin, spacing, 1, rows)
-    return Layout(x, y, row_begin, column_begin, row_of, column_of, row_whole, column_whole), (i, j)
+    return Layout(x, y, row_begin, column_begin, row_of, column_of, row_whole, column_whole, margin), (i, j)
 
 
 def _axis(

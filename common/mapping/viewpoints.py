@@ -59,43 +59,18 @@ def _label_dirty(cells: Cells, layout: Layout, dirty: NDArray[np.bool_], counts:
 
 
 @njit(cache=True, nogil=True)
-def _mark_moved(
-    cells: Cells,
-    layout: Layout,
-    pieces: Any,
-    first_of: NDArray[np.int32],
-    dirty: NDArray[np.bool_],
-    margin: int,
-    reach: int,
-) -> None:
-    """Make those squares dirty as well in which a viewpoint has to move, because of what changed in squares nearby.
-
-    Args:
-        cells: of the belief; the clear space is up to date.
-        layout: of the squares.
-        pieces: all pieces.
-        first_of: first piece of each square.
-        dirty: squares whose cells changed; those that follow are set.
-        margin: space around a place that counts at most, cells.
-        reach: squares that it can span.
-    """
+def _mark_beside(pieces: Any, first_of: NDArray[np.int32], dirty: NDArray[np.bool_], beside: NDArray[np.bool_]) -> None:
+    """Make those squares dirty as well whose viewpoints may have to move for what changed beside the square."""
     rows, columns = dirty.shape
-    near = np.zeros((rows, columns), dtype=np.bool_)
     for j in range(rows):
         for i in range(columns):
-            if dirty[j, i]:
-                near[max(j - reach, 0) : j + reach + 1, max(i - reach, 0) : i + reach + 1] = True
-    for j in range(rows):
-        for i in range(columns):
-            if dirty[j, i] or not near[j, i]:
+            if not beside[j, i]:
                 continue
+            beside[j, i] = False
             piece = first_of[j * columns + i]
             while piece >= 0:
-                p = pieces[piece]
-                if p.x >= 0 and not p.centred:
-                    x, y = best_place(cells, layout, j, i, p.label, margin)
-                    dirty[j, i] |= x != p.x or y != p.y
-                piece = p.next
+                dirty[j, i] |= pieces[piece].x >= 0 and not pieces[piece].centred
+                piece = pieces[piece].next
 
 
 @njit(cache=True, nogil=True)
@@ -424,6 +399,7 @@ class ViewpointGraph:
         pieces: all pieces, of dtype `PIECE`.
         robot: the piece in which the robot stands, -1 when it stands in none and sees none near; its viewpoint exists.
         dirty: squares that an update has to look at, bool, shape (rows, columns); set by whoever knows of changes.
+        beside: squares within ``layout.margin`` cells of changes, likewise.
         fresh: pieces whose viewpoint is new since the update before, int32.
         ended: pieces whose viewpoint is no more, likewise.
         changed: box of cells around all of them and around all changes; its second number is -1 without any.
@@ -446,7 +422,10 @@ class ViewpointGraph:
             radius: of the robot, metres, 0 allowed.
             previous: graph of an earlier generation of the belief, which knows where the robot has been.
         """
-        self.layout, self.first = lay_out(belief, lattice_origin, spacing)
+        # Where a viewpoint has its place depends on cells so far beside its square.
+        side = int(spacing / belief.resolution)
+        self._margin = min(max(round(PLACE_MARGIN / belief.resolution), 1), side)
+        self.layout, self.first = lay_out(belief, lattice_origin, spacing, self._margin)
         self._clearance = Clearance(belief, radius)
         shape = belief.padded.shape
         been = np.zeros(shape, dtype=np.bool_)
@@ -467,14 +446,12 @@ class ViewpointGraph:
             width=shape[1],
         )
         squares = (len(self.layout.y), len(self.layout.x))
-        self.dirty = np.zeros(squares, dtype=np.bool_)
+        self.dirty, self.beside = np.zeros((2, *squares), dtype=np.bool_)
         self._counts = np.zeros(squares, dtype=np.int32)
         self.first_of = np.full(squares[0] * squares[1], NOWHERE, dtype=np.int32)
         self._resolution = belief.resolution
         # The robot is at its viewpoint within half a spacing.
         self._visit_reach = round(spacing / belief.resolution * SUBCELLS) // 2
-        self._margin = max(round(PLACE_MARGIN / belief.resolution), 1)
-        self._margin_squares = ceil(self._margin / int(spacing / belief.resolution))
         self._clear_reach = ceil((radius + MARGIN_REACH) / belief.resolution)
         # One subcell of rounding at either end must not cut off a viewpoint that is exactly as far as edges reach.
         self.edge_reach = int(LONGEST_EDGE * spacing / belief.resolution * SUBCELLS) + 2
@@ -513,9 +490,9 @@ class ViewpointGraph:
         box = NOTHING_LOST
         if changed is not None:
             box, lost = self._clearance.update(
-                cells.belief.reshape(-1, cells.width), changed, lost, layout.row_of, layout.column_of, self.dirty
+                cells.belief.reshape(-1, cells.width), changed, lost, layout, self.dirty, self.beside
             )
-            _mark_moved(cells, layout, self.pieces, self.first_of, self.dirty, self._margin, self._margin_squares)
+            _mark_beside(self.pieces, self.first_of, self.dirty, self.beside)
             total = int(_label_dirty(cells, layout, self.dirty, self._counts))
             if total > self._free_count:
                 self._reserve(self.used + max(self.used, total))
