@@ -79,7 +79,6 @@ class Mapper:
         self._lattice_origin = lattice_origin
         self._beacon_reach = round(config.beacon_range / config.resolution * SUBCELLS)
         self._target = None if target is None else Target(target, config)
-        self._everywhere = False
         self._pose: Pose | None = None
         self._rebuild(None)
         self._forget_nodes()
@@ -108,20 +107,18 @@ class Mapper:
             frontiers = self._frontiers.update(belief.padded, changed, graph.layout, graph.dirty, graph.beside)
             self.frontiers_removed += len(frontiers.removed)
         robot = belief.subcells(pose.position)
-        self._graph.update(changed, frontiers.lost, robot, everywhere=self._everywhere)
+        self._graph.update(changed, frontiers.lost, robot)
         self._update_utility(frontiers)
         self._pose = pose
         if self._graph.robot < 0:
             self._forget_nodes()
             return
-        # Pieces that wait are looked into once nothing else is left; then all of them at once.
-        reached = self._graph.reachable(spare=False)
-        everywhere = not anything_left(reached[0], self._graph.pieces, self._utility.counts, self._config.least_utility)
-        if everywhere != self._everywhere:
-            self._everywhere = everywhere
-            self._graph.update(None, NOTHING_LOST, robot, everywhere=everywhere)
+        self._order, self._numbers, self._edges = self._graph.reachable()
+        if not anything_left(self._order, self._graph.pieces, self._utility.counts, self._config.least_utility):
+            cells = np.flatnonzero(self._frontiers.padded_mask).astype(np.int32)
+            self._graph.update(None, NOTHING_LOST, robot, frontiers=cells)
             self._update_utility(_NO_CHANGES)
-        self._order, self._numbers, self._edges = self._graph.reachable() if everywhere else reached
+            self._order, self._numbers, self._edges = self._graph.reachable()
         self._plan()
 
     def observe(self) -> Observation:
