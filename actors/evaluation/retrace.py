@@ -82,7 +82,7 @@ def follow(
         bounds=bounds,
         target=world.target if navigation else None,
     )
-    coverage = Coverage(world)
+    coverage = Coverage(world, mapping.robot_radius)
     distance = 0.0
     for number, position in enumerate(positions):
         known = clear = True
