@@ -11,7 +11,9 @@ from common.jit import njit
 # Metres that a cell counts which a tour leaves unseen beyond the tolerance, and every such tour at all.
 CELL_PENALTY = 0.02
 UNFINISHED_PENALTY = 4.0
+# Stops that a tour may have, and how many times those of the first one in large worlds.
 MAX_STOPS = 256
+MAX_GROWTH = 2
 
 
 @njit(cache=True, nogil=True)
@@ -198,10 +200,10 @@ def anneal(
     rest = np.empty_like(missing)
     passed = np.zeros(len(distances), dtype=np.int64)
     stamp = 1
-    tour = np.empty(MAX_STOPS, dtype=np.int64)
-    other = np.empty(MAX_STOPS, dtype=np.int64)
-    size = min(len(initial), MAX_STOPS)
-    tour[:size] = initial[:size]
+    size = len(initial)
+    tour = np.empty(max(MAX_STOPS, MAX_GROWTH * size), dtype=np.int64)
+    other = np.empty_like(tour)
+    tour[:size] = initial
     cost, used, done = drive(
         pointer, tile, mask, distances, hops, start, tour, size, missing, left, tolerance, np.inf, rest, passed, stamp
     )
