@@ -1,4 +1,4 @@
-"""The graph of all places on the true map where a robot may decide, with all shortest ways: its start and viewpoints."""
+"""Where a robot may decide on the true map, its start and all viewpoints, with the shortest ways between them."""
 
 from __future__ import annotations
 

@@ -73,15 +73,21 @@ class Expert(Protocol):
 
 
 def leg_lengths(
-    observation: Observation, positions: NDArray[np.float64], pose: Pose, spacing: float
+    observation: Observation,
+    positions: NDArray[np.float64],
+    places: NDArray[np.float64],
+    pose: Pose,
+    spacing: float,
 ) -> NDArray[np.float64]:
     """Metres from where the robot stands to each waypoint, by way of its viewpoint when it stands beside it.
 
-    Edges that are not straight count with the length of their way; a target counts with its own offset.
+    Edges that are not straight count with the length of their way, a target with its own offset. A viewpoint that does
+    not lie where the true one does counts as at least as far away as that: the rest of the way begins there.
 
     Args:
         observation: what the policy sees.
         positions: of its viewpoints, metres, shape (n, 2).
+        places: of the true ones that they stand for, likewise.
         pose: where the robot stands.
         spacing: metres to a lattice step.
 
@@ -91,9 +97,8 @@ def leg_lengths(
     robot = observation.robot
     home = positions[robot]
     nodes = observation.waypoint_nodes()
-    if observation.has_target:
-        positions = np.concatenate([positions, [home + spacing * observation.target_offset.astype(np.float64)]])
-    lengths: NDArray[np.float64] = np.hypot(*(positions[nodes] - home).T)
+    viewpoints = nodes[nodes < observation.viewpoints]
+    lengths: NDArray[np.float64] = np.hypot(*(positions[viewpoints] - home).T)
     # The robot's edges in the order of its neighbours: those that lower ones list, then its own.
     end = int(observation.degree[: robot + 1].sum(dtype=np.int64))
     listed = np.arange(end - int(observation.degree[robot]), end)
@@ -101,4 +106,7 @@ def leg_lengths(
     bent = np.flatnonzero(np.isin(edges, observation.bent))
     ways = observation.bent_length[np.searchsorted(observation.bent, edges[bent])]
     lengths[bent] = spacing * ways.astype(np.float64)
+    lengths = np.maximum(lengths, np.hypot(*(places[viewpoints] - home).T))
+    if len(viewpoints) < len(nodes):
+        lengths = np.append(lengths, spacing * np.hypot(*observation.target_offset.astype(np.float64)))
     return pose.distance_to((float(home[0]), float(home[1]))) + lengths

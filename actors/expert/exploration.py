@@ -67,13 +67,17 @@ class ExplorationExpert:
         """Judge the choices of one observation (see `Expert.judge`)."""
         if self._world is None:
             raise HDError("the expert knows no map yet: call reset(world) before judge()")
-        true_nodes = self._graph.match(positions)
+        true_nodes, places = self._graph.match(positions)
         waypoints = observation.waypoint_nodes()
         choices = true_nodes[waypoints]
         robot = int(true_nodes[observation.robot])
         if robot < 0 or len(coverage.unseen_cells) <= self._tolerance:
             return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0)
-        stops, allowed = self._tour(self._scanned(observation, positions, true_nodes), robot, coverage)
+        # A visited viewpoint of a partly known square can lie where it sees other things than the true one.
+        spacing = self._mapping.viewpoint_spacing
+        there = np.hypot(*(positions - places).T) <= ON_VIEWPOINT * spacing
+        scanned = observation.visited & there & (true_nodes >= 0)
+        stops, allowed = self._tour(true_nodes[scanned], robot, coverage)
         if len(stops) == 0:
             # What is missing cannot be seen from any viewpoint: no choice is better than another.
             return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0)
@@ -84,7 +88,7 @@ class ExplorationExpert:
             sight.pointer, sight.tile, sight.mask, self._missing, allowed, self._distances, stops, choices,
             self._tolerance, orders, sizes,
         )  # fmt: skip
-        legs = leg_lengths(observation, positions, pose, self._mapping.viewpoint_spacing)
+        legs = leg_lengths(observation, positions, places, pose, spacing)
         total = np.where(np.isfinite(lengths), legs + lengths, np.inf)
         best = int(np.argmin(total))
         remaining = float(total[best])
@@ -95,18 +99,6 @@ class ExplorationExpert:
         cost = np.minimum(total - remaining, UNREACHABLE).astype(np.float32)
         beacon = self._first_beacon(observation, true_nodes, int(choices[best]), stops, orders[best, : sizes[best]])
         return Judgement(cost, beacon, remaining)
-
-    def _scanned(
-        self, observation: Observation, positions: NDArray[np.float64], true_nodes: NDArray[np.int64]
-    ) -> NDArray[np.int64]:
-        """Return the true viewpoints where the robot has been.
-
-        A visited viewpoint of a square that is only partly known can lie elsewhere in the piece than the true one, from
-        where other things are seen.
-        """
-        nodes = np.flatnonzero(observation.visited & (true_nodes >= 0))
-        away = np.hypot(*(positions[nodes] - self._graph.positions[true_nodes[nodes]]).T)
-        return true_nodes[nodes[away <= ON_VIEWPOINT * self._mapping.viewpoint_spacing]]
 
     def _tour(
         self, scanned: NDArray[np.int64], robot: int, coverage: Coverage

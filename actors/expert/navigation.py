@@ -44,12 +44,13 @@ class NavigationExpert:
         del coverage
         if self._world is None or self._world.target is None:
             raise HDError("the expert knows no map yet: call reset(world) before judge()")
-        true_nodes = self._graph.match(positions)
-        to_target = np.where(true_nodes >= 0, self._to_target[np.maximum(true_nodes, 0)], np.inf)
+        true_nodes, places = self._graph.match(positions)
+        to_target = np.where(true_nodes >= 0, self._to_target[true_nodes], np.inf)
         if observation.has_target:
             to_target = np.append(to_target, 0.0)
         waypoints = observation.waypoint_nodes()
-        total = leg_lengths(observation, positions, pose, self._mapping.viewpoint_spacing) + to_target[waypoints]
+        legs = leg_lengths(observation, positions, places, pose, self._mapping.viewpoint_spacing)
+        total = legs + to_target[waypoints]
         remaining = float(total.min())
         if not np.isfinite(remaining):
             return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, UNREACHABLE)

@@ -21,7 +21,9 @@ TOLERANCE = 1e-6
 
 
 @njit(cache=True, nogil=True)
-def _needed(pointer: NDArray[np.int64], neighbours: NDArray[np.int32], lengths: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _needed(
+    pointer: NDArray[np.int64], neighbours: NDArray[np.int32], lengths: NDArray[np.float64]
+) -> NDArray[np.bool_]:
     """Return which edges are shorter than every way over one viewpoint between, bool, shape of ``neighbours``."""
     n = len(pointer) - 1
     needed = np.ones(len(neighbours), dtype=np.bool_)
@@ -56,8 +58,8 @@ def _all_distances(
 class TrueGraph:
     """All viewpoints of a true map that connect with the start, and their edges.
 
-    The robot's own mapping makes it, from a belief in which everything is known. An edge that is no shorter than the way
-    over a viewpoint between is left out: it leads nowhere sooner, and a robot that stops between sees more.
+    The robot's own mapping makes it, from a belief in which everything is known. An edge that is no shorter than the
+    way over a viewpoint between is left out: it leads nowhere sooner, and a robot that stops between sees more.
 
     Attributes:
         mapper: knows the whole world and stands at its start; answers for positions, ways and free segments.
@@ -135,7 +137,7 @@ class TrueGraph:
         return links, np.array(lengths)
 
     def distances_to_target(self) -> NDArray[np.float64]:
-        """Return the distances of all viewpoints to the world's target, metres, float64, shape (n,), inf without a way."""
+        """Return the distances of all viewpoints to the world's target, metres, shape (n,), inf without a way."""
         links, lengths = self.target_links()
         # The target as one more node, from which edges lead to its links alone.
         pointer = np.append(self.pointer, len(self.neighbours) + len(links))
@@ -148,6 +150,18 @@ class TrueGraph:
         corners = np.array([self.mapper.position(a), *self.mapper.way(a, b)])
         return float(np.hypot(*np.diff(corners, axis=0).T).sum())
 
-    def match(self, positions: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the viewpoint whose piece of clear space holds each position, -1 without one; metres, shape (m, 2)."""
-        return self.mapper.nodes_at(positions)
+    def match(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Find the viewpoint whose piece of clear space holds each position.
+
+        While a lattice square is only partly known, the robot's viewpoints in it may be pieces of what is truly one and
+        lie elsewhere in it.
+
+        Args:
+            positions: metres, shape (m, 2).
+
+        Returns:
+            Viewpoint numbers, -1 without one, int64, shape (m,); and the places of these viewpoints, metres, float64,
+            shape (m, 2), the positions themselves without one.
+        """
+        nodes = self.mapper.nodes_at(positions)
+        return nodes, np.where(nodes[:, None] >= 0, self.positions[nodes], positions)

@@ -52,9 +52,7 @@ def clear_space(world: GridMap, radius: float) -> tuple[NDArray[np.bool_], tuple
     # All cells count as one square: only the grid is wanted.
     one_square = np.zeros(max(rows, columns) + 2, dtype=np.int32)
     everything = (1, rows, 1, columns)
-    clearance.update(
-        belief.padded, everything, NOTHING_LOST, one_square, one_square, np.zeros((1, 1), dtype=np.bool_)
-    )
+    clearance.update(belief.padded, everything, NOTHING_LOST, one_square, one_square, np.zeros((1, 1), dtype=np.bool_))
     clear = clearance.grid[1:-1, 1:-1] <= TIGHT
     cell = belief.cell(world.start)
     if clear[cell]:

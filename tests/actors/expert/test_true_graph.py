@@ -60,7 +60,7 @@ def test_edges_are_symmetric_and_walls_cut_them():
     assert {(b, a): length for (a, b), length in found.items()} == found
     for (a, b), length in found.items():
         assert length == pytest.approx(np.hypot(*(graph.positions[a] - graph.positions[b])))
-    left, right = graph.match(np.array([[3.5, 3.5], [5.5, 3.5]]))
+    (left, right), _ = graph.match(np.array([[3.5, 3.5], [5.5, 3.5]]))
     # Round the wall's end at (4.5, 1.5): two edges of sqrt(5) would touch the wall's corner.
     assert graph.distances()[left, right] == pytest.approx(2 * 2 + 2)
 
@@ -76,8 +76,9 @@ def test_a_way_round_a_corner_counts_with_its_length():
 
 
 def test_a_door_parts_the_graph_of_a_robot_that_is_too_wide():
-    assert TrueGraph.build(DOOR, mapping(4.0, 0.35)).match(np.array([[8.5, 2.5]]))[0] >= 0
-    assert TrueGraph.build(DOOR, mapping(4.0, 0.6)).match(np.array([[8.5, 2.5]]))[0] == -1
+    beyond = np.array([[8.5, 2.5]])
+    assert TrueGraph.build(DOOR, mapping(4.0, 0.35)).match(beyond)[0] >= 0
+    assert TrueGraph.build(DOOR, mapping(4.0, 0.6)).match(beyond)[0] == -1
     with pytest.raises(MapError, match="robot_radius"):
         TrueGraph.build(replace(DOOR, start=(1.1, 4.9)), mapping(4.0, 2.5))
 
@@ -104,11 +105,12 @@ def test_the_graph_stands_for_every_cell_that_counts_as_reachable(seed, radius, 
         return
     graph = TrueGraph.build(world, mapping(spacing, radius))
     centres = np.stack([np.tile(np.arange(50) + 0.5, 40), np.repeat(np.arange(40) + 0.5, 50)], axis=1) * 0.25
-    nodes = graph.match(centres)
+    nodes, places = graph.match(centres)
     assert np.array_equal(np.flatnonzero(nodes >= 0), counted)
     assert np.array_equal(np.unique(nodes[nodes >= 0]), np.arange(len(graph)))
     assert np.isfinite(graph.distances()).all()
-    assert np.array_equal(graph.match(graph.positions), np.arange(len(graph)))
+    assert np.array_equal(places[counted], graph.positions[nodes[counted]])
+    assert np.array_equal(graph.match(graph.positions)[0], np.arange(len(graph)))
 
 
 def test_ways_to_the_target_end_there():
