@@ -204,6 +204,20 @@ class Mapper:
         x, y = self._positions[node]
         return float(x), float(y)
 
+    def nodes_at(self, positions: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the viewpoint that stands for each of some positions: that of the piece of clear space which holds it.
+
+        Args:
+            positions: metres, shape (m, 2).
+
+        Returns:
+            Node numbers, -1 where a position lies in no piece of the last update's graph, int64, shape (m,).
+        """
+        cells = (positions - self._origin) / self.belief.resolution + 1.0
+        x, y = np.rint(cells.T * SUBCELLS).astype(np.int64)
+        pieces = self._graph.pieces_at(x, y)
+        return np.where(pieces >= 0, self._numbers[pieces], -1).astype(np.int64)
+
     def way(self, a: int, b: int) -> list[tuple[float, float]]:
         """Return where to drive from a node to a neighbour: the corners of the edge and the neighbour, metres.
 

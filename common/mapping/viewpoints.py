@@ -255,8 +255,27 @@ def _piece_of(cells: Cells, layout: Layout, pieces: Any, first_of: NDArray[np.in
         return NOWHERE
     cell = row * cells.width + column
     if not cells.labels[cell]:
-        cell = _nearest_clear(cells, x, y, most)
+        cell = nearest_clear(cells, x, y, most)
     return piece_at(pieces, first_of, cells, layout, cell) if cell >= 0 else NOWHERE
+
+
+@njit(cache=True, nogil=True)
+def _pieces_at(
+    cells: Cells,
+    layout: Layout,
+    pieces: Any,
+    first_of: NDArray[np.int32],
+    x: NDArray[np.int64],
+    y: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """Return the piece that holds each point, -1 where none does."""
+    height = len(cells.clear) // cells.width
+    found = np.full(len(x), NOWHERE, dtype=np.int64)
+    for k in range(len(x)):
+        row, column = y[k] >> SUBCELL_BITS, x[k] >> SUBCELL_BITS
+        if 1 <= row < height - 1 and 1 <= column < cells.width - 1:
+            found[k] = piece_at(pieces, first_of, cells, layout, row * cells.width + column)
+    return found
 
 
 @njit(cache=True, nogil=True)
@@ -383,7 +402,7 @@ def _renew_edges(
 
 
 @njit(cache=True, nogil=True)
-def _nearest_clear(cells: Cells, x: int, y: int, most: int) -> int:
+def nearest_clear(cells: Cells, x: int, y: int, most: int) -> int:
     """Return the nearest passable cell that a point in the margin of clear space can be driven to, flat, -1 for none.
 
     The line to the middle of the cell is free, and comes no nearer to what is not than the point is, if there is such a
@@ -549,6 +568,11 @@ class ViewpointGraph:
         """Return the piece that holds a point, subcells; beside clear space the nearest in a free line; -1 for none."""
         return int(_piece_of(self.cells, self.layout, self.pieces, self.first_of, *point, self._clear_reach))
 
+    def pieces_at(self, x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the piece that holds each point, subcells; -1 where none does, int64, shape of ``x``."""
+        found: NDArray[np.int64] = _pieces_at(self.cells, self.layout, self.pieces, self.first_of, x, y)
+        return found
+
     def reachable(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Adjacency]:
         """Number the viewpoints that edges connect with that of the robot's piece.
 
@@ -589,7 +613,7 @@ class ViewpointGraph:
         cells = self.cells
         if cells.labels[(point[1] >> SUBCELL_BITS) * cells.width + (point[0] >> SUBCELL_BITS)]:
             return point
-        cell = int(_nearest_clear(cells, *point, self._clear_reach))
+        cell = int(nearest_clear(cells, *point, self._clear_reach))
         return (cell % cells.width) * SUBCELLS + SUBCELLS // 2, (cell // cells.width) * SUBCELLS + SUBCELLS // 2
 
     def _release(self) -> None:
