@@ -267,7 +267,8 @@ def _choose(
 @njit(cache=True, nogil=True)
 def _piece_of(cells: Cells, layout: Layout, pieces: Any, first_of: NDArray[np.int32], x: int, y: int, most: int) -> int:
     """Return the piece that holds a point, or the nearest clear cell that the point sees; -1 for none."""
-    row, column = y >> SUBCELL_BITS, x >> SUBCELL_BITS
+    # A place on the border of squares belongs to the first of them: of equally near viewpoints it has the lower number.
+    row, column = (y - 1) >> SUBCELL_BITS, (x - 1) >> SUBCELL_BITS
     if not (1 <= row < len(cells.clear) // cells.width - 1 and 1 <= column < cells.width - 1):
         return NOWHERE
     cell = row * cells.width + column
