@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.jit import njit
-from common.mapping.belief import Belief
+from common.mapping.cell_grid import CellGrid
 from common.mapping.sight import FREE, Box
 
 # Every point of the cell is clear; the same number as FREE, so that `common.mapping.sight.blocker` reads both grids.
@@ -182,7 +182,7 @@ class Clearance:
             int8, shape of the padded grid.
     """
 
-    def __init__(self, belief: Belief, radius: float) -> None:
+    def __init__(self, belief: CellGrid, radius: float) -> None:
         """Begin with nothing clear.
 
         Args:

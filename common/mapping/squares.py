@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.mapping.belief import Belief
+from common.mapping.cell_grid import AnchoredGrid
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 
 
@@ -40,7 +40,9 @@ class Layout(NamedTuple):
     column_whole: NDArray[np.bool_]
 
 
-def lay_out(belief: Belief, lattice_origin: tuple[float, float], spacing: float) -> tuple[Layout, tuple[int, int]]:
+def lay_out(
+    belief: AnchoredGrid, lattice_origin: tuple[float, float], spacing: float
+) -> tuple[Layout, tuple[int, int]]:
     """Lay squares over the belief's grid.
 
     Args:
@@ -58,7 +60,7 @@ def lay_out(belief: Belief, lattice_origin: tuple[float, float], spacing: float)
 
 
 def _axis(
-    belief: Belief, lattice_origin: tuple[float, float], spacing: float, axis: int, cells: int
+    belief: AnchoredGrid, lattice_origin: tuple[float, float], spacing: float, axis: int, cells: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32], NDArray[np.bool_], int]:
     """Return lattice points, beginnings, square of each cell, whole squares, number of the first point on one axis."""
     low = (belief.origin[axis] - lattice_origin[axis]) / spacing

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from common.jit import njit
 from common.mapping.adjacency import Adjacency, reach
-from common.mapping.belief import Belief
 from common.mapping.candidates import forget_pairs, list_pairs, most_pairs, update_pairs
+from common.mapping.cell_grid import AnchoredGrid
 from common.mapping.clearance import Clearance, passable
 from common.mapping.pieces import (
     NOWHERE,
@@ -432,7 +432,7 @@ class ViewpointGraph:
 
     def __init__(
         self,
-        belief: Belief,
+        belief: AnchoredGrid,
         lattice_origin: tuple[float, float],
         spacing: float,
         radius: float = 0.0,
