@@ -148,7 +148,7 @@ class GraphNavigator(NavigationPlanner):
         length, self._path = self.search(start)
         if length >= NO_WAY:
             return self._look_closer(mapper, pose, target)
-        plan = next_leg(mapper, pose, self._known_route(mapper), self.config.viewpoint_spacing)
+        plan = self._first_leg(mapper, pose, on_viewpoint)
         if plan.waypoint == target:
             plan = short_of_margin(mapper, pose, plan)
         metres = length / SUBCELLS * self.config.resolution
@@ -171,11 +171,19 @@ class GraphNavigator(NavigationPlanner):
         The length is in subcells, as in `GoalGraph`; it is `NO_WAY` and the path is empty when there is none.
         """
 
-    def _known_route(self, mapper: Mapper) -> list[int]:
-        """Return the mapper's nodes on the first edge of the path, the robot's alone when that edge is not known."""
+    def _first_leg(self, mapper: Mapper, pose: Pose, on_viewpoint: bool) -> Plan:
+        """Return the plan that drives the first edge of the path, or to the robot's viewpoint where that is not known.
+
+        A robot that has not been on its viewpoint yet cuts the corner where the next one is in sight.
+        """
         path = self._path
+        if len(path) > 1 and not on_viewpoint:
+            place = self.graph.position(path[1])
+            if pose.distance_to(place) <= self._longest + TOLERANCE and mapper.segment_free(pose.position, place):
+                return Plan(Status.GOING, waypoint=place)
         node = self.graph.known_node(path[1]) if len(path) > 1 else len(mapper.viewpoints)
-        return [mapper.robot, node] if mapper.joined(mapper.robot, node) else [mapper.robot]
+        route = [mapper.robot, node] if mapper.joined(mapper.robot, node) else [mapper.robot]
+        return next_leg(mapper, pose, route, self.config.viewpoint_spacing)
 
     def _look_closer(self, mapper: Mapper, pose: Pose, target: Position) -> Plan:
         """Drive as far as is known on the way that cells would still allow; there is none over viewpoints."""

@@ -13,7 +13,7 @@ from common.mapping.adjacency import Adjacency
 from common.mapping.mapper import Mapper
 from common.mapping.pieces import Cells, piece_at
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
-from common.mapping.sight import CLEAR, OCCUPIED, blocker
+from common.mapping.sight import CLEAR, FREE, OCCUPIED, blocker
 from common.mapping.squares import Layout
 from common.mapping.viewpoints import ViewpointGraph
 from common.mapping.ways import length_of
@@ -109,6 +109,51 @@ def _links(
     return links[:count].copy()
 
 
+@njit(cache=True, nogil=True)
+def _seen(
+    cells: Cells,
+    layout: Layout,
+    pieces: Any,
+    order: NDArray[np.int32],
+    pointer: NDArray[np.int64],
+    bent: NDArray[np.bool_],
+    known: NDArray[np.int8],
+    down: int,
+    right: int,
+) -> NDArray[np.bool_]:
+    """Return which nodes with bent edges stand for pieces of which a cell is known to be free.
+
+    Args:
+        cells: of the world at its best.
+        layout: of its squares.
+        pieces: of its graph.
+        order: piece of each node.
+        pointer: edges, as `Adjacency` has them.
+        bent: likewise.
+        known: padded grid of the belief.
+        down: rows of ``cells`` before those of ``known``.
+        right: columns of ``cells`` before those of ``known``.
+    """
+    seen = np.zeros(len(order), dtype=np.bool_)
+    columns = len(layout.x)
+    height, width = known.shape
+    for node in range(len(order)):
+        if not bent[pointer[node] : pointer[node + 1]].any():
+            continue
+        p = pieces[order[node]]
+        j, i = p.square // columns, p.square % columns
+        left = max(layout.column_begin[i], right)
+        end = min(layout.column_begin[i + 1], right + width)
+        for row in range(max(layout.row_begin[j], down), min(layout.row_begin[j + 1], down + height)):
+            for column in range(left, end):
+                if known[row - down, column - right] == FREE and cells.labels[row * cells.width + column] == p.label:
+                    seen[node] = True
+                    break
+            if seen[node]:
+                break
+    return seen
+
+
 @njit(cache=True, nogil=True, inline="always")
 def _cost(x: NDArray[np.int64], y: NDArray[np.int64], a: int, b: int, length: float, bent: bool) -> int:
     """Return the cost of an edge: that of the straight line, or that of a way of a length, subcells, if it is bent."""
@@ -122,6 +167,7 @@ def _rows(
     y: NDArray[np.int64],
     scanned: NDArray[np.bool_],
     closed: NDArray[np.bool_],
+    seen: NDArray[np.bool_],
     possible: NDArray[np.int32],
     possible_edges: tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float64], NDArray[np.bool_]],
     known: NDArray[np.int32],
@@ -131,7 +177,8 @@ def _rows(
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int64]]:
     """Collect all edges as `GoalGraph` wants them; lengths are in metres, ``scale`` subcells each.
 
-    Possible edges count between vertices that were not scanned from, known ones always, none at closed vertices.
+    Possible edges count between vertices that were not scanned from, bent ones between pieces that were seen; known ones
+    always; none at closed vertices.
     """
     n = len(x)
     begin = np.zeros(n + 1, dtype=np.int64)
@@ -156,7 +203,7 @@ def _rows(
                     continue
                 for k in range(pointer[node], pointer[node + 1]):
                     v = vertices[neighbours[k]]
-                    if closed[v] or (scanned[v] and not layer):
+                    if closed[v] or (not layer and (scanned[v] or (bent[k] and not (seen[node] and seen[neighbours[k]])))):
                         continue
                     if fill:
                         ends[begin[u]], costs[begin[u]] = v, _cost(x, y, u, v, lengths[k] * scale, bent[k])
@@ -228,6 +275,9 @@ class OptimisticGraph:
     the robot has scanned from are the known ones alone: another scan from the same place would tell nothing new about
     the others. So every edge that leads on from where the robot has scanned can be driven.
 
+    A bent way through what is not known is believed only between pieces of which something was seen. Between any others
+    there is one wherever a scan left a cell of a wall out, and hoping for doors in each of them leads astray.
+
     Attributes:
         world: the cells underneath.
         viewpoints: the viewpoint graph of the world at its best; its lattice is the mapper's.
@@ -277,8 +327,12 @@ class OptimisticGraph:
             view.cells, view.layout, view.pieces, view.first_of, numbers, edges.pointer, edges.neighbours,
             possible_vertices, self._known, x, y, corner, done | closed, view.edge_reach,
         )  # fmt: skip
+        down, right = (a - b for a, b in zip(belief.first_cell, world.first_cell, strict=True))
+        seen = _seen(
+            view.cells, view.layout, view.pieces, order, edges.pointer, edges.bent, belief.padded, down, right
+        )
         pointer, neighbours, costs = _rows(
-            x, y, done, closed, possible_vertices, _columns(edges), self._known, _columns(mapper.adjacency), links,
+            x, y, done, closed, seen, possible_vertices, _columns(edges), self._known, _columns(mapper.adjacency), links,
             SUBCELLS / belief.resolution,
         )  # fmt: skip
         legs, straight = self._legs(mapper, x, y, done | closed, possible_vertices, numbers)
