@@ -500,6 +500,11 @@ class ViewpointGraph:
         """How many pieces are in use at most: their numbers are below."""
         return len(self.pieces)
 
+    @property
+    def edge_lists(self) -> tuple[Pairs, Touches]:
+        """All possible edges, connected with the robot or not, as `candidates` and `touches` keep them."""
+        return self._pairs, self._touches
+
     def update(self, changed: Box | None, lost: Box, robot: tuple[int, int], *, everywhere: bool = False) -> None:
         """Bring clear space, pieces, viewpoints and edges up to date.
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.config.schema import MappingConfig
 from common.jit import njit
-from common.mapping.adjacency import Adjacency
+from common.mapping.candidates import IN_LINE, REACH_SQUARES
 from common.mapping.mapper import Mapper
 from common.mapping.pieces import Cells, piece_at
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 from common.mapping.sight import CLEAR, FREE, OCCUPIED, blocker
 from common.mapping.squares import Layout
-from common.mapping.viewpoints import ViewpointGraph
+from common.mapping.viewpoints import Pairs, Touches, ViewpointGraph
 from common.mapping.ways import length_of
 from common.planners.base import Position
 from common.planners.graph_search import NO_WAY, GoalGraph, find_place, straight_length
@@ -23,8 +23,6 @@ from common.planners.optimistic import MARGIN, OptimisticBelief
 from common.planners.visibility import subcells
 
 Place = tuple[int, int]
-_NO_NODES: Final = np.empty(0, dtype=np.int32)
-_NO_EDGES: Final = Adjacency(np.zeros(1, np.int64), _NO_NODES, np.empty(0), np.empty(0, np.bool_))
 
 
 @njit(cache=True, nogil=True)
@@ -44,9 +42,6 @@ def _links(
     layout: Layout,
     pieces: Any,
     first_of: NDArray[np.int32],
-    numbers: NDArray[np.int32],
-    pointer: NDArray[np.int64],
-    neighbours: NDArray[np.int32],
     possible: NDArray[np.int32],
     known: NDArray[np.int32],
     x: NDArray[np.int64],
@@ -60,12 +55,9 @@ def _links(
     Args:
         cells: of the world at its best.
         layout: of its squares.
-        pieces: of its graph, like the next four.
+        pieces: of its graph.
         first_of: first piece of each square.
-        numbers: node of each piece.
-        pointer: edges.
-        neighbours: likewise.
-        possible: vertex of each of its nodes.
+        possible: vertex of each piece, -1 without one.
         known: vertex of each known viewpoint.
         x: of the vertices, subcells.
         y: likewise.
@@ -77,88 +69,108 @@ def _links(
         Pairs of vertices, int32, shape (m, 2).
     """
     width = cells.width
+    rows, columns = len(layout.y), len(layout.x)
     is_possible = np.zeros(len(x), dtype=np.bool_)
-    for node in range(len(possible)):
-        is_possible[possible[node]] = True
+    for vertex in possible:
+        if vertex >= 0:
+            is_possible[vertex] = True
     links = np.empty((64, 2), dtype=np.int32)
     count = 0
     for vertex in known:
         if is_possible[vertex] or shut[vertex]:
             continue
         x0, y0 = x[vertex] - corner[0], y[vertex] - corner[1]
-        piece = piece_at(pieces, first_of, cells, layout, (y0 >> SUBCELL_BITS) * width + (x0 >> SUBCELL_BITS))
-        if piece < 0 or numbers[piece] < 0:
+        own = piece_at(pieces, first_of, cells, layout, (y0 >> SUBCELL_BITS) * width + (x0 >> SUBCELL_BITS))
+        if own < 0:
             continue
-        node = numbers[piece]
-        degree = pointer[node + 1] - pointer[node]
-        while count + degree + 1 > len(links):
-            more = np.empty((2 * len(links), 2), dtype=np.int32)
-            more[:count] = links[:count]
-            links = more
-        for k in range(-1, degree):
-            there = possible[node if k < 0 else neighbours[pointer[node] + k]]
-            if shut[there]:
-                continue
-            x1, y1 = x[there] - corner[0], y[there] - corner[1]
-            if k >= 0 and (
-                (x1 - x0) ** 2 + (y1 - y0) ** 2 > reach * reach or blocker(cells.clear, width, x0, y0, x1, y1) != CLEAR
-            ):
-                continue
-            links[count, 0], links[count, 1] = vertex, there
-            count += 1
+        j, i = pieces[own].square // columns, pieces[own].square % columns
+        for row in range(max(j - REACH_SQUARES, 0), min(j + REACH_SQUARES, rows - 1) + 1):
+            for column in range(max(i - REACH_SQUARES, 0), min(i + REACH_SQUARES, columns - 1) + 1):
+                piece = first_of[row * columns + column]
+                while piece >= 0:
+                    there = possible[piece]
+                    x1, y1 = pieces[piece].x, pieces[piece].y
+                    if (
+                        there >= 0
+                        and not shut[there]
+                        and (
+                            piece == own
+                            or (
+                                (x1 - x0) ** 2 + (y1 - y0) ** 2 <= reach * reach
+                                and blocker(cells.clear, width, x0, y0, x1, y1) == CLEAR
+                            )
+                        )
+                    ):
+                        if count == len(links):
+                            more = np.empty((2 * count, 2), dtype=np.int32)
+                            more[:count] = links
+                            links = more
+                        links[count, 0], links[count, 1] = vertex, there
+                        count += 1
+                    piece = pieces[piece].next
     return links[:count].copy()
 
 
 @njit(cache=True, nogil=True)
 def _seen(
-    cells: Cells,
-    layout: Layout,
-    pieces: Any,
-    order: NDArray[np.int32],
-    pointer: NDArray[np.int64],
-    bent: NDArray[np.bool_],
-    known: NDArray[np.int8],
-    down: int,
-    right: int,
+    cells: Cells, layout: Layout, pieces: Any, touches: Touches, known: NDArray[np.int8], down: int, right: int
 ) -> NDArray[np.bool_]:
-    """Return which nodes with bent edges stand for pieces of which a cell is known to be free.
+    """Return which pieces with bent edges have a cell that is known to be free.
 
     Args:
         cells: of the world at its best.
         layout: of its squares.
         pieces: of its graph.
-        order: piece of each node.
-        pointer: edges, as `Adjacency` has them.
-        bent: likewise.
+        touches: count, other and length of touching pieces, see `common.mapping.touches`.
         known: padded grid of the belief.
         down: rows of ``cells`` before those of ``known``.
         right: columns of ``cells`` before those of ``known``.
     """
-    seen = np.zeros(len(order), dtype=np.bool_)
+    count, other, length = touches
+    seen = np.zeros(len(pieces), dtype=np.bool_)
+    asked = np.zeros(len(pieces), dtype=np.bool_)
     columns = len(layout.x)
     height, width = known.shape
-    for node in range(len(order)):
-        if not bent[pointer[node] : pointer[node + 1]].any():
+    for piece in range(len(pieces)):
+        for side in range(2):
+            for k in range(count[piece, side]):
+                if np.isfinite(length[piece, side, k]):
+                    asked[piece] = asked[other[piece, side, k]] = True
+    for piece in range(len(pieces)):
+        if not (asked[piece] and pieces[piece].exists):
             continue
-        p = pieces[order[node]]
+        p = pieces[piece]
         j, i = p.square // columns, p.square % columns
-        left = max(layout.column_begin[i], right)
-        end = min(layout.column_begin[i + 1], right + width)
+        left, end = max(layout.column_begin[i], right), min(layout.column_begin[i + 1], right + width)
         for row in range(max(layout.row_begin[j], down), min(layout.row_begin[j + 1], down + height)):
             for column in range(left, end):
                 if known[row - down, column - right] == FREE and cells.labels[row * cells.width + column] == p.label:
-                    seen[node] = True
+                    seen[piece] = True
                     break
-            if seen[node]:
+            if seen[piece]:
                 break
     return seen
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _cost(x: NDArray[np.int64], y: NDArray[np.int64], a: int, b: int, length: float, bent: bool) -> int:
-    """Return the cost of an edge: that of the straight line, or that of a way of a length, subcells, if it is bent."""
-    straight = straight_length(x[b] - x[a], y[b] - y[a])
-    return max(straight, np.int64(np.ceil(length))) if bent else straight
+def _enter(
+    x: NDArray[np.int64],
+    y: NDArray[np.int64],
+    u: int,
+    v: int,
+    least: float,
+    end: NDArray[np.int64],
+    ends: NDArray[np.int32],
+    lengths: NDArray[np.int64],
+) -> None:
+    """Write an edge, which is as long as the straight line, but at least some subcells, into the rows of both ends."""
+    length = straight_length(x[v] - x[u], y[v] - y[u])
+    if least > 0.0:
+        length = max(length, np.int64(np.ceil(least)))
+    ends[end[u]], lengths[end[u]] = v, length
+    ends[end[v]], lengths[end[v]] = u, length
+    end[u] += 1
+    end[v] += 1
 
 
 @njit(cache=True, nogil=True)
@@ -169,77 +181,107 @@ def _rows(
     closed: NDArray[np.bool_],
     seen: NDArray[np.bool_],
     possible: NDArray[np.int32],
-    possible_edges: tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float64], NDArray[np.bool_]],
+    pairs: Pairs,
+    touches: Touches,
     known: NDArray[np.int32],
     known_edges: tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float64], NDArray[np.bool_]],
     links: NDArray[np.int32],
     scale: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int64]]:
-    """Collect all edges as `GoalGraph` wants them; lengths are in metres, ``scale`` subcells each.
+    """Collect all edges as `GoalGraph` wants them.
 
-    Possible edges count between vertices that were not scanned from, bent ones between pieces that were seen; known ones
-    always; none at closed vertices.
+    Possible edges count between vertices that were not scanned from, bent ones between pieces that were seen; known
+    ones always; none at closed vertices.
+
+    Args:
+        x: of the vertices, subcells.
+        y: likewise.
+        scanned: vertices that the robot has scanned from.
+        closed: vertices that it does not get to.
+        seen: pieces of the world at its best of which something was seen.
+        possible: vertex of each of these pieces, -1 without one.
+        pairs: count, other and state of possible straight edges, see `common.mapping.candidates`.
+        touches: count, other and length of touching pieces, subcells, see `common.mapping.touches`.
+        known: vertex of each known viewpoint.
+        known_edges: of these, as `Adjacency` has them.
+        links: pairs of vertices that straight edges join as well.
+        scale: subcells per metre.
     """
     n = len(x)
+    pair_count, pair_other, pair_state = pairs
+    touch_count, touch_other, touch_length = touches
+    pointer, neighbours, metres, bent = known_edges
+    # Room for all edges; then those that count, in any order.
     begin = np.zeros(n + 1, dtype=np.int64)
-    ends = np.empty(0, dtype=np.int32)
-    costs = np.empty(0, dtype=np.int64)
-    for fill in range(2):
-        if fill:
-            total = np.int64(0)
-            for u in range(n + 1):
-                degree = begin[u]
-                begin[u] = total
-                total += degree
-            ends = np.empty(total, dtype=np.int32)
-            costs = np.empty(total, dtype=np.int64)
-        for layer in range(2):
-            vertices, (pointer, neighbours, lengths, bent) = possible, possible_edges
-            if layer:
-                vertices, (pointer, neighbours, lengths, bent) = known, known_edges
-            for node in range(len(vertices)):
-                u = vertices[node]
-                if closed[u] or (scanned[u] and not layer):
-                    continue
-                for k in range(pointer[node], pointer[node + 1]):
-                    v = vertices[neighbours[k]]
-                    if closed[v] or (not layer and (scanned[v] or (bent[k] and not (seen[node] and seen[neighbours[k]])))):
-                        continue
-                    if fill:
-                        ends[begin[u]], costs[begin[u]] = v, _cost(x, y, u, v, lengths[k] * scale, bent[k])
-                    begin[u] += 1
-        for k in range(len(links)):
-            for side in range(2):
-                u, v = links[k, side], links[k, 1 - side]
-                if fill:
-                    ends[begin[u]], costs[begin[u]] = v, _cost(x, y, u, v, 0.0, False)
-                begin[u] += 1
-    # Filling moved each beginning to the next one's place. Walking the vertices in order and noting each with its
-    # neighbours sorts every row; of several edges between two vertices the shortest remains.
-    pointer = np.zeros(n + 1, dtype=np.int64)
-    place = np.zeros(n, dtype=np.int64)
-    pointer[1:] = begin[:n]
-    place[:] = pointer[:n]
-    neighbours = np.empty(len(ends), dtype=np.int32)
-    out = np.empty(len(ends), dtype=np.int64)
+    for piece in range(len(possible)):
+        u = possible[piece]
+        if u < 0:
+            continue
+        begin[u + 1] += pair_count[piece] + touch_count[piece, 0] + touch_count[piece, 1]
+        for k in range(pair_count[piece]):
+            begin[possible[pair_other[piece, k]] + 1] += 1
+        for side in range(2):
+            for k in range(touch_count[piece, side]):
+                begin[possible[touch_other[piece, side, k]] + 1] += 1
+    begin[0] = 0
+    for node in range(len(known)):
+        begin[known[node] + 1] += pointer[node + 1] - pointer[node]
+    for k in range(len(links)):
+        begin[links[k, 0] + 1] += 1
+        begin[links[k, 1] + 1] += 1
     for u in range(n):
-        for k in range(pointer[u], pointer[u + 1]):
+        begin[u + 1] += begin[u]
+    end = begin[:n].copy()
+    ends = np.empty(begin[n], dtype=np.int32)
+    lengths = np.empty(begin[n], dtype=np.int64)
+    for piece in range(len(possible)):
+        u = possible[piece]
+        if u < 0 or closed[u] or scanned[u]:
+            continue
+        for k in range(pair_count[piece]):
+            if pair_state[piece, k] == IN_LINE:
+                v = possible[pair_other[piece, k]]
+                if not (closed[v] or scanned[v]):
+                    _enter(x, y, u, v, 0.0, end, ends, lengths)
+        if not seen[piece]:
+            continue
+        for side in range(2):
+            for k in range(touch_count[piece, side]):
+                there = touch_other[piece, side, k]
+                v = possible[there]
+                length = touch_length[piece, side, k]
+                if v >= 0 and seen[there] and np.isfinite(length) and not (closed[v] or scanned[v]):
+                    _enter(x, y, u, v, length, end, ends, lengths)
+    for node in range(len(known)):
+        u = known[node]
+        for k in range(pointer[node], pointer[node + 1]):
+            v = known[neighbours[k]]
+            if neighbours[k] > node and not (closed[u] or closed[v]):
+                _enter(x, y, u, v, metres[k] * scale if bent[k] else 0.0, end, ends, lengths)
+    for k in range(len(links)):
+        _enter(x, y, links[k, 0], links[k, 1], 0.0, end, ends, lengths)
+    # Walking the vertices in order and noting each with its neighbours sorts every row; of several edges between two
+    # vertices the shortest remains.
+    place = begin[:n].copy()
+    rows = np.empty(begin[n], dtype=np.int32)
+    costs = np.empty(begin[n], dtype=np.int64)
+    for u in range(n):
+        for k in range(begin[u], end[u]):
             v = ends[k]
             last = place[v] - 1
-            if last >= pointer[v] and neighbours[last] == u:
-                out[last] = min(out[last], costs[k])
+            if last >= begin[v] and rows[last] == u:
+                costs[last] = min(costs[last], lengths[k])
             else:
-                neighbours[place[v]], out[place[v]] = u, costs[k]
-                place[v] += 1
+                rows[last + 1], costs[last + 1] = u, lengths[k]
+                place[v] = last + 2
+    out = np.zeros(n + 1, dtype=np.int64)
     size = 0
     for u in range(n):
-        first, last = pointer[u], place[u]
-        pointer[u] = size
-        for k in range(first, last):
-            neighbours[size], out[size] = neighbours[k], out[k]
+        for k in range(begin[u], place[u]):
+            rows[size], costs[size] = rows[k], costs[k]
             size += 1
-    pointer[n] = size
-    return pointer, neighbours[:size].copy(), out[:size].copy()
+        out[u + 1] = size
+    return out, rows[:size].copy(), costs[:size].copy()
 
 
 @njit(cache=True, nogil=True)
@@ -310,32 +352,32 @@ class OptimisticGraph:
         viewpoint = mapper.position(mapper.robot)
         self.bring_up_to_date(mapper, viewpoint)
         view, belief, world = self.viewpoints, mapper.belief, self.world
-        if view.robot < 0:
-            order, numbers, edges = _NO_NODES, np.full(view.used, -1, dtype=np.int32), _NO_EDGES
-        else:
-            order, numbers, edges = view.reachable()
-        possible, known = view.pieces[order], _places(mapper)
         corner = _corner(world.first_cell)
-        places = np.concatenate([np.stack([possible["x"], possible["y"]], axis=1) + corner, known])
-        x, y, vertices = _merge(places)
-        possible_vertices, self._known = vertices[: len(order)], vertices[len(order) :]
+        exist = np.flatnonzero(view.pieces["exists"])
+        known = _places(mapper)
+        x, y, vertices = _merge(
+            np.concatenate([view.pieces["x"][exist] + corner[0], known[:, 0]]),
+            np.concatenate([view.pieces["y"][exist] + corner[1], known[:, 1]]),
+        )
+        possible = np.full(view.used, -1, dtype=np.int32)
+        possible[exist], self._known = vertices[: len(exist)], vertices[len(exist) :]
         start = int(self._known[mapper.robot])
         if scanned:
             self._scanned.add((int(x[start]), int(y[start])))
-        done, closed = (_flags(x, y, _array(places)) for places in (self._scanned, self._closed))
+        done, closed = _flags(x, y, _array(self._scanned)), _flags(x, y, _array(self._closed))
         links = _links(
-            view.cells, view.layout, view.pieces, view.first_of, numbers, edges.pointer, edges.neighbours,
-            possible_vertices, self._known, x, y, corner, done | closed, view.edge_reach,
+            view.cells, view.layout, view.pieces, view.first_of, possible, self._known, x, y, corner, done | closed,
+            view.edge_reach,
         )  # fmt: skip
         down, right = (a - b for a, b in zip(belief.first_cell, world.first_cell, strict=True))
-        seen = _seen(
-            view.cells, view.layout, view.pieces, order, edges.pointer, edges.bent, belief.padded, down, right
-        )
+        pairs, touches = view.edge_lists
+        seen = _seen(view.cells, view.layout, view.pieces, touches, belief.padded, down, right)
+        edges = mapper.adjacency
         pointer, neighbours, costs = _rows(
-            x, y, done, closed, seen, possible_vertices, _columns(edges), self._known, _columns(mapper.adjacency), links,
-            SUBCELLS / belief.resolution,
+            x, y, done, closed, seen, possible, pairs, touches, self._known,
+            (edges.pointer, edges.neighbours, edges.lengths, edges.bent), links, SUBCELLS / belief.resolution,
         )  # fmt: skip
-        legs, straight = self._legs(mapper, x, y, done | closed, possible_vertices, numbers)
+        legs, straight = self._legs(mapper, x, y, done | closed, possible)
         legs[closed | _flags(x, y, _array(self._closed_legs))] = NO_WAY
         self.graph = GoalGraph(x, y, pointer, neighbours, costs, legs, straight)
         return start
@@ -386,7 +428,6 @@ class OptimisticGraph:
         y: NDArray[np.int64],
         shut: NDArray[np.bool_],
         possible: NDArray[np.int32],
-        numbers: NDArray[np.int32],
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the last legs to the target, and the straight distances."""
         view, world = self.viewpoints, self.world
@@ -400,10 +441,10 @@ class OptimisticGraph:
         if (legs >= NO_WAY).all():
             # As for the mapper: where no viewpoint has the target in line, that of its piece leads to it.
             piece = view.piece_of(here)
-            if piece >= 0 and numbers[piece] >= 0 and not shut[possible[numbers[piece]]]:
+            vertex = possible[piece] if piece >= 0 else -1
+            if vertex >= 0 and not shut[vertex]:
                 p = view.pieces[piece]
                 way = view.way_within(piece, (int(p["x"]), int(p["y"])), here)
-                vertex = possible[numbers[piece]]
                 legs[vertex] = max(int(np.ceil(length_of(way))), straight[vertex])
         if mapper.target_known:
             node = len(self._known)
@@ -427,22 +468,22 @@ def _places(mapper: Mapper) -> NDArray[np.int64]:
     return subcells(belief, mapper.viewpoints) + np.array(_corner(belief.first_cell))
 
 
-def _merge(places: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32]]:
+def _merge(
+    x: NDArray[np.int64], y: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32]]:
     """Return x and y of all different places, ascending by y, then by x, and the number of each given one."""
-    order = np.lexsort((places[:, 0], places[:, 1]))
-    ordered = places[order]
+    # One number tells a place: grids have no more than 2^28 cells, of 2^32 subcells each.
+    low = int(x.min())
+    keys = (y - int(y.min())) * (int(x.max()) - low + 1) + (x - low)
+    order = np.argsort(keys, kind="stable")
+    ordered = keys[order]
     new = np.ones(len(order), dtype=np.bool_)
-    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    np.not_equal(ordered[1:], ordered[:-1], out=new[1:])
     numbers = np.empty(len(order), dtype=np.int32)
-    numbers[order] = np.cumsum(new) - 1
-    return np.ascontiguousarray(ordered[new, 0]), np.ascontiguousarray(ordered[new, 1]), numbers
+    numbers[order] = np.cumsum(new, dtype=np.int32) - 1
+    first = order[new]
+    return x[first], y[first], numbers
 
 
 def _array(places: set[Place]) -> NDArray[np.int64]:
     return np.array(list(places), dtype=np.int64).reshape(-1, 2)
-
-
-def _columns(
-    edges: Adjacency,
-) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float64], NDArray[np.bool_]]:
-    return edges.pointer, edges.neighbours, edges.lengths, edges.bent
