@@ -209,8 +209,8 @@ def anneal(
     other = np.empty_like(tour)
     tour[:size] = initial
     cost, used, done = drive(
-        pointer, tile, mask, distances, hops, start, tour, size, missing, left, tolerance, penalty, np.inf, rest, passed,
-        stamp,
+        pointer, tile, mask, distances, hops, start, tour, size, missing, left, tolerance, penalty, np.inf, rest,
+        passed, stamp,
     )  # fmt: skip
     size, finished = used, done
     best = tour[:size].copy()
@@ -223,8 +223,8 @@ def anneal(
         bound = cost - temperature * np.log(1.0 - np.random.random())
         stamp += 1
         new_cost, used, done = drive(
-            pointer, tile, mask, distances, hops, start, other, new_size, missing, left, tolerance, penalty, bound, rest,
-            passed, stamp,
+            pointer, tile, mask, distances, hops, start, other, new_size, missing, left, tolerance, penalty, bound,
+            rest, passed, stamp,
         )  # fmt: skip
         if new_cost > bound:
             continue

@@ -49,10 +49,7 @@ def clear_space(world: GridMap, radius: float) -> tuple[NDArray[np.bool_], tuple
     belief = Belief(resolution, 1.0, bounds=(x, y, x + width, y + height))
     belief.assign(known_cells(world), world.origin)
     clearance = Clearance(belief, radius)
-    # All cells count as one square: only the grid is wanted.
-    one_square = np.zeros(max(rows, columns) + 2, dtype=np.int32)
-    everything = (1, rows, 1, columns)
-    clearance.update(belief.padded, everything, NOTHING_LOST, one_square, one_square, np.zeros((1, 1), dtype=np.bool_))
+    clearance.refresh(belief.padded, (1, rows, 1, columns), NOTHING_LOST)
     clear = clearance.grid[1:-1, 1:-1] <= TIGHT
     cell = belief.cell(world.start)
     if clear[cell]:

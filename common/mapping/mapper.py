@@ -14,6 +14,7 @@ from common.geometry import Pose, Scan
 from common.mapping.adjacency import Adjacency
 from common.mapping.beacons import find_beacons
 from common.mapping.belief import Belief
+from common.mapping.cell_grid import ClearGrid
 from common.mapping.clearance import SWEEP_TOLERANCE, sweep
 from common.mapping.distances import shortest_paths
 from common.mapping.frontiers import FrontierChanges, Frontiers
@@ -169,6 +170,17 @@ class Mapper:
         return np.stack([columns + 0.5, rows + 0.5], axis=1) * self.belief.resolution + self._origin
 
     @property
+    def clear(self) -> ClearGrid:
+        """Where the robot fits in known free space: straight segments through its cells of value 0 keep the radius."""
+        cells = self._graph.cells
+        return ClearGrid(cells.clear.reshape(-1, cells.width), self._config.resolution, self.belief.origin)
+
+    @property
+    def lattice_origin(self) -> tuple[float, float]:
+        """(x, y) of one point of the viewpoint lattice, metres."""
+        return self._lattice_origin
+
+    @property
     def viewpoints(self) -> NDArray[np.float64]:
         """Positions of the observation's viewpoints by node number, metres, shape (n, 2); a copy."""
         return self._positions.copy()
@@ -217,6 +229,13 @@ class Mapper:
         x, y = np.rint(cells.T * SUBCELLS).astype(np.int64)
         pieces = self._graph.pieces_at(x, y)
         return np.where(pieces >= 0, self._numbers[pieces], -1).astype(np.int64)
+
+    def joined(self, a: int, b: int) -> bool:
+        """Whether an edge joins two nodes, so that there is a `way`; no number of a node is joined with nothing."""
+        n = len(self._order)
+        if b == n and self._target is not None:
+            return self._target.known and a in self._target.links
+        return 0 <= a < n and 0 <= b < n and b in self._edges.of(a)
 
     def way(self, a: int, b: int) -> list[tuple[float, float]]:
         """Return where to drive from a node to a neighbour: the corners of the edge and the neighbour, metres.

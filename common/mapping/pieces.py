@@ -132,7 +132,7 @@ def _margins(cells: Cells, layout: Layout, j: int, i: int, most: int) -> NDArray
 
 
 @njit(cache=True, nogil=True)
-def best_place(cells: Cells, layout: Layout, j: int, i: int, label: int, most: int) -> tuple[int, int]:
+def best_place(cells: Cells, layout: Layout, j: int, i: int, label: int, most: int) -> tuple[np.int64, np.int64]:
     """Return the middle of the cell of a piece that has most space around, then is nearest to the square's centre.
 
     Args:

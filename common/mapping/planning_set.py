@@ -56,7 +56,7 @@ def _gather(
     NDArray[np.int64],
     NDArray[np.uint16],
     NDArray[np.bool_],
-    int,
+    np.int64,
 ]:
     n = len(order)
     columns = len(layout.x)
@@ -159,7 +159,7 @@ def _sparse_edges(
     lengths: NDArray[np.float64],
     bent: NDArray[np.bool_],
     spacing: float,
-) -> tuple[NDArray[np.uint8], NDArray[np.uint16], NDArray[np.uint32], NDArray[np.float32], int]:
+) -> tuple[NDArray[np.uint8], NDArray[np.uint16], NDArray[np.uint32], NDArray[np.float32], np.int64]:
     n = len(pointer) - 1
     degree = np.zeros(n, dtype=np.uint8)
     half = len(neighbours) // 2

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from common.jit import njit
 from common.mapping.adjacency import Adjacency, reach
-from common.mapping.belief import Belief
 from common.mapping.candidates import forget_pairs, list_pairs, most_pairs, update_pairs
+from common.mapping.cell_grid import AnchoredGrid
 from common.mapping.clearance import SWEEP_TOLERANCE, Clearance, passable, sweep
 from common.mapping.lookouts import find_lookouts
 from common.mapping.pieces import (
@@ -250,7 +250,8 @@ def _choose(
 @njit(cache=True, nogil=True)
 def _piece_of(cells: Cells, layout: Layout, pieces: Any, first_of: NDArray[np.int32], x: int, y: int, most: int) -> int:
     """Return the piece that holds a point, or the nearest clear cell that the point sees; -1 for none."""
-    row, column = y >> SUBCELL_BITS, x >> SUBCELL_BITS
+    # A place on the border of squares belongs to the first of them: of equally near viewpoints it has the lower number.
+    row, column = (y - 1) >> SUBCELL_BITS, (x - 1) >> SUBCELL_BITS
     if not (1 <= row < len(cells.clear) // cells.width - 1 and 1 <= column < cells.width - 1):
         return NOWHERE
     cell = row * cells.width + column
@@ -413,7 +414,7 @@ def nearest_clear(cells: Cells, x: int, y: int, most: int) -> int:
     row, column = y >> SUBCELL_BITS, x >> SUBCELL_BITS
     from_x, from_y = x / SUBCELLS, y / SUBCELLS
     gap = sweep(cells.belief, width, from_x, from_y, from_x, from_y, float(most))
-    best, best_far, best_keeps = -1, np.int64(0), False
+    best, best_far, best_keeps = -1, 0, False
     for r in range(max(row - most, 1), min(row + most, height - 2) + 1):
         for c in range(max(column - most, 1), min(column + most, width - 2) + 1):
             if not passable(cells.clear[r * width + c]):
@@ -460,7 +461,7 @@ class ViewpointGraph:
 
     def __init__(
         self,
-        belief: Belief,
+        belief: AnchoredGrid,
         lattice_origin: tuple[float, float],
         spacing: float,
         radius: float = 0.0,
@@ -481,16 +482,16 @@ class ViewpointGraph:
         self.layout, self.first = lay_out(belief, lattice_origin, spacing, self._margin)
         self._clearance = Clearance(belief, radius)
         shape = belief.padded.shape
-        been = np.zeros(shape, dtype=np.bool_)
+        been: NDArray[np.bool_] = np.zeros(shape, dtype=np.bool_)
         self._first_cell = belief.first_cell
         if previous is not None:
             down, right = (a - b for a, b in zip(previous._first_cell, self._first_cell, strict=True))
             # Without their rings: an empty grid lies nowhere.
-            known = previous._been[1:-1, 1:-1]
+            known: NDArray[np.bool_] = previous._been[1:-1, 1:-1]
             rows, columns = known.shape
             if known.size:
                 been[down + 1 : down + 1 + rows, right + 1 : right + 1 + columns] = known
-        self._been = been
+        self._been: NDArray[np.bool_] = been
         self.cells = Cells(
             belief=belief.padded.reshape(-1),
             clear=self._clearance.grid.reshape(-1),
@@ -529,6 +530,11 @@ class ViewpointGraph:
     def used(self) -> int:
         """How many pieces are in use at most: their numbers are below."""
         return len(self.pieces)
+
+    @property
+    def edge_lists(self) -> tuple[Pairs, Touches]:
+        """All possible edges, connected with the robot or not, as `candidates` and `touches` keep them."""
+        return self._pairs, self._touches
 
     def update(
         self, changed: Box | None, lost: Box, robot: tuple[int, int], *, frontiers: NDArray[np.int32] | None = None
