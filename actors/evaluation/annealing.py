@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from actors.expert.visibility import popcount
 from common.jit import njit
+from common.tours.sighting import popcount
 
 # Metres that a cell counts which a tour leaves unseen beyond the tolerance, and every such tour at all.
 CELL_PENALTY = 0.02

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from actors.evaluation.annealing import anneal, drive
 from actors.evaluation.retrace import follow
 from actors.evaluation.true_graph import TrueGraph, lattice_links
-from actors.expert import cover
 from actors.expert.lattice import line_free
-from actors.expert.visibility import Visibility, fill_words
+from actors.expert.visibility import fill_words, look_from_all
 from actors.maps.grid_map import GridMap
 from actors.tasks import make_task
 from actors.tasks.coverage import Coverage
@@ -23,6 +22,8 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.lattice import LONGEST_EDGE, TOLERANCE
+from common.tours import cover
+from common.tours.sighting import Visibility
 
 log = logging.getLogger(__name__)
 
@@ -143,7 +144,7 @@ class OmniscientReference:
     def _covering_tour(self, world: GridMap, graph: TrueGraph, seed: int) -> list[Position]:
         """Return the shortest tour found that sees enough when it is driven."""
         reach = self._mapping.sensor_range / world.resolution
-        sight = Visibility.build(world.free, graph.points, reach, self._simulator.rays)
+        sight = look_from_all(world.free, graph.points, reach, self._simulator.rays)
         tolerance = int(self._task.unseen_area / world.resolution**2 + 1e-6)
         unseen = self._rehearse(world, [], seed).unseen
         if len(unseen) <= tolerance:

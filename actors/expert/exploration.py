@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from actors.expert import cover
 from actors.expert.base import UNREACHABLE, Judgement, leg_lengths
 from actors.expert.lattice import TrueLattice
-from actors.expert.prices import price_choices
-from actors.expert.tour import tour_length
-from actors.expert.visibility import Visibility, fill_words
+from actors.expert.visibility import fill_words, look_from_all
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
 from common.config.schema import MappingConfig
 from common.errors import HDError
 from common.geometry import Pose
 from common.observation import Observation
+from common.tours import cover
+from common.tours.local_search import tour_length
+from common.tours.prices import price_choices
 
 NO_STOPS: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
 
@@ -49,7 +49,7 @@ class ExplorationExpert:
         self._lattice = TrueLattice.build(world, self._mapping.viewpoint_spacing)
         self._distances = self._lattice.distances()
         reach = self._mapping.sensor_range / world.resolution
-        self._sight = Visibility.build(world.free, self._lattice.points, reach, self._beams)
+        self._sight = look_from_all(world.free, self._lattice.points, reach, self._beams)
         self._missing = np.zeros(self._sight.tiles, dtype=np.uint64)
         self._tolerance = int(self._unseen_area / world.resolution**2 + 1e-6)
         self._ones = np.ones(len(self._lattice))

@@ -8,7 +8,7 @@ from actors.environment import Environment
 from actors.episode import Role, run_episode
 from actors.expert import ExplorationExpert, make_expert
 from actors.expert.lattice import TrueLattice
-from actors.expert.visibility import Visibility
+from actors.expert.visibility import look_from_all
 from actors.maps.sources import open_sources
 from actors.simulators.grid import GridSimulator
 from actors.tasks import make_task
@@ -48,7 +48,7 @@ COMB = draw(
 def best_distance(world, mapping, unseen_area):
     """Shortest lattice walk after which little enough is unseen, by exhaustive search over (node, what was seen)."""
     lattice = TrueLattice.build(world, mapping.viewpoint_spacing)
-    sight = Visibility.build(world.free, lattice.points, mapping.sensor_range / world.resolution, 720)
+    sight = look_from_all(world.free, lattice.points, mapping.sensor_range / world.resolution, 720)
     views = []
     for v in range(len(lattice)):
         view = 0

@@ -2,9 +2,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from actors.expert import cover
-from actors.expert.tour import tour_length
-from tests.actors.expert.planes import uncovered, universe
+from common.tours import cover
+from common.tours.local_search import tour_length
+from tests.common.tours.planes import uncovered, universe
 
 
 @settings(deadline=None, max_examples=30)

@@ -1,6 +1,6 @@
 """Which viewpoints to visit so that little enough stays unseen, and in which order: a covering tour.
 
-Works on the sparse visibility rows of `actors.expert.visibility`; "missing" always are the tile words of the cells
+Works on the sparse visibility rows of `common.tours.sighting`; "missing" always are the tile words of the cells
 that are still to be seen, and a tolerance says how many of them may stay so.
 """
 
@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from actors.expert.sighting import count_seen, count_unseen, recount, seen_by_one
-from actors.expert.tour import GAIN, improve_tour, insert_cheapest
-from actors.expert.visibility import popcount
 from common.jit import njit
+from common.tours.local_search import GAIN, improve_tour, insert_cheapest
+from common.tours.sighting import count_seen, count_unseen, popcount, recount, seen_by_one
 
 
 @njit(cache=True, nogil=True)
