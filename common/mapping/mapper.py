@@ -220,6 +220,19 @@ class Mapper:
         rows, columns = np.nonzero(self._frontiers.mask)
         return np.stack([columns + 0.5, rows + 0.5], axis=1) * self.belief.resolution + self._origin
 
+    def sightings(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        """Return which frontier cells each viewpoint of the last update observes: in range and in line of sight.
+
+        Returns:
+            Sparse rows by node number: the first entry of each, int64, shape (n + 1,), and the entries, places in
+            `frontiers`, ascending within a row, int32.
+        """
+        if self._node < 0:
+            return np.zeros(1, dtype=np.int64), _NO_NODES
+        rows, columns = np.nonzero(self._frontiers.mask)
+        width = self.belief.padded.shape[1]
+        return self._utility.sightings((rows + 1) * width + columns + 1, self._numbers, len(self._order))
+
     @property
     def viewpoints(self) -> NDArray[np.float64]:
         """Positions of the observation's viewpoints by node number, metres, shape (n, 2)."""
@@ -240,6 +253,12 @@ class Mapper:
             nodes = np.flatnonzero(self._edges >> np.uint32(k) & np.uint32(1))
             pairs.append(np.stack([nodes, self._numbers[self._order[nodes] + dy * columns + dx]], axis=1))
         return np.concatenate(pairs).astype(np.int64)
+
+    @property
+    def edge_lengths(self) -> NDArray[np.float64]:
+        """Length of each of the `edges`, metres, shape (m,)."""
+        ends = self.viewpoints[self.edges]
+        return np.asarray(np.hypot(*(ends[:, 1] - ends[:, 0]).T), dtype=np.float64)
 
     @property
     def beacons(self) -> NDArray[np.float64]:

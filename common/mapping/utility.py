@@ -153,6 +153,43 @@ def _update_pairs(
     return used
 
 
+@njit(cache=True, nogil=True)
+def _sightings(
+    slots: NDArray[np.int32],
+    slot_corner: NDArray[np.int32],
+    states: NDArray[np.int32],
+    side: int,
+    columns: int,
+    frontiers: NDArray[np.int64],
+    numbers: NDArray[np.int32],
+    nodes: int,
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """List the pairs in sight by node; see `FrontierUtility.sightings`."""
+    pointer = np.zeros(nodes + 1, dtype=np.int64)
+    for f in range(len(frontiers)):
+        slot = slots[frontiers[f]]
+        first = slot_corner[slot, 0] * columns + slot_corner[slot, 1]
+        for k in range(side * side):
+            if states[slot, k] == IN_SIGHT:
+                node = numbers[first + k // side * columns + k % side]
+                if node >= 0:
+                    pointer[node + 1] += 1
+    for node in range(nodes):
+        pointer[node + 1] += pointer[node]
+    place = pointer[:nodes].copy()
+    seen = np.empty(pointer[nodes], dtype=np.int32)
+    for f in range(len(frontiers)):
+        slot = slots[frontiers[f]]
+        first = slot_corner[slot, 0] * columns + slot_corner[slot, 1]
+        for k in range(side * side):
+            if states[slot, k] == IN_SIGHT:
+                node = numbers[first + k // side * columns + k % side]
+                if node >= 0:
+                    seen[place[node]] = f
+                    place[node] += 1
+    return pointer, seen
+
+
 class FrontierUtility:
     """How many frontiers each lattice point observes, for one generation of the belief.
 
@@ -200,6 +237,23 @@ class FrontierUtility:
             changed,
             frontiers.lost,
         )
+
+    def sightings(
+        self, frontiers: NDArray[np.int64], numbers: NDArray[np.int32], nodes: int
+    ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        """Return which frontiers each node observes, from what the last update knows; nothing is looked at again.
+
+        Args:
+            frontiers: flat cells of the padded grid, all of them frontiers, int64, shape (m,).
+            numbers: node number of each lattice point or -1, int32, flat.
+            nodes: how many nodes there are.
+
+        Returns:
+            The first entry of each node, int64, shape (nodes + 1,), and the entries: places in `frontiers`,
+            ascending for each node, int32.
+        """
+        columns = self._graph.exists.shape[1]
+        return _sightings(self._slots, self._slot_corner, self._states, self._side, columns, frontiers, numbers, nodes)
 
     def _reserve(self, slots: int) -> None:
         if slots > len(self._slot_cell):

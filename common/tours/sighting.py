@@ -131,3 +131,97 @@ def count_unseen(missing: NDArray[np.uint64], once: NDArray[np.uint64]) -> int:
         if missing[t]:
             total += popcount(missing[t] & ~once[t])
     return total
+
+
+@njit(cache=True, nogil=True)
+def count_bits(words: NDArray[np.uint64]) -> int:
+    """Number of cells in a set."""
+    total = 0
+    for t in range(len(words)):
+        total += popcount(words[t])
+    return total
+
+
+@njit(cache=True, nogil=True)
+def add_seen(
+    pointer: NDArray[np.int64],
+    tile: NDArray[np.int32],
+    mask: NDArray[np.uint64],
+    viewpoints: NDArray[np.int64],
+    words: NDArray[np.uint64],
+) -> None:
+    """Add to a set the cells that some viewpoints see."""
+    for v in viewpoints:
+        for k in range(pointer[v], pointer[v + 1]):
+            words[tile[k]] |= mask[k]
+
+
+@njit(cache=True, nogil=True)
+def remove_seen(
+    pointer: NDArray[np.int64],
+    tile: NDArray[np.int32],
+    mask: NDArray[np.uint64],
+    viewpoints: NDArray[np.int64],
+    words: NDArray[np.uint64],
+) -> None:
+    """Take away from a set the cells that some viewpoints see."""
+    for v in viewpoints:
+        for k in range(pointer[v], pointer[v + 1]):
+            words[tile[k]] &= ~mask[k]
+
+
+@njit(cache=True, nogil=True)
+def _pack(
+    pointer: NDArray[np.int64],
+    items: NDArray[np.int32],
+    rows: NDArray[np.int64],
+    numbers: NDArray[np.int64],
+    tiles: int,
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.uint64]]:
+    words = np.zeros(tiles, dtype=np.uint64)
+    begin = np.zeros(len(rows) + 1, dtype=np.int64)
+    tile = np.empty(1024, dtype=np.int32)
+    mask = np.empty(1024, dtype=np.uint64)
+    size = 0
+    for r in range(len(rows)):
+        for k in range(pointer[rows[r]], pointer[rows[r] + 1]):
+            number = numbers[items[k]]
+            if number < 0:
+                continue
+            t = number >> 6
+            if words[t] == 0:
+                if size == len(tile):
+                    tile = np.concatenate((tile, np.empty(size, dtype=np.int32)))
+                    mask = np.concatenate((mask, np.empty(size, dtype=np.uint64)))
+                tile[size] = t
+                size += 1
+            words[t] |= np.uint64(1) << np.uint64(number & 63)
+        for k in range(begin[r], size):
+            mask[k] = words[tile[k]]
+            words[tile[k]] = np.uint64(0)
+        begin[r + 1] = size
+    return begin, tile[:size].copy(), mask[:size].copy()
+
+
+def pack_rows(
+    pointer: NDArray[np.int64], items: NDArray[np.int32], rows: NDArray[np.int64], numbers: NDArray[np.int64]
+) -> Visibility:
+    """Return some rows of a sparse list of what each viewpoint sees as bit sets.
+
+    Args:
+        pointer: first entry of each row, int64, shape (n + 1,).
+        items: what the rows' viewpoints see, int32.
+        rows: which rows, in this order, int64.
+        numbers: bit of each item, int64; -1 leaves it out. Items near to each other should have numbers near to each
+            other, or the rows get long.
+    """
+    tiles = int(numbers.max(initial=-1) + 64) >> 6
+    begin, tile, mask = _pack(pointer, items, rows, numbers, tiles)
+    return Visibility(begin, tile, mask, tiles)
+
+
+def set_of(numbers: NDArray[np.int64], tiles: int) -> NDArray[np.uint64]:
+    """Return the set with the given bits as words, uint64, shape (tiles,)."""
+    bits = np.zeros(tiles * 64, dtype=np.uint8)
+    bits[numbers] = 1
+    return np.packbits(bits, bitorder="little").view("<u8").astype(np.uint64)
