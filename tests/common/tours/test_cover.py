@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -46,7 +48,5 @@ def test_what_is_taken_along_costs_no_more_than_its_detour(seed, detour):
     for new in np.flatnonzero(allowed).tolist():
         if uncovered(sight, extra, [new]) < uncovered(sight, extra, []):
             legs = [0, *tour.tolist()]
-            detours = [
-                distances[a, new] + distances[new, b] - distances[a, b] for a, b in zip(legs, legs[1:], strict=False)
-            ]
+            detours = [distances[a, new] + distances[new, b] - distances[a, b] for a, b in pairwise(legs)]
             assert min(detours) > detour - 1e-3
