@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from actors.expert.visibility import popcount
 from common.jit import njit
+from common.tours.sighting import popcount
 
 # Metres that every tour counts more which leaves more unseen than the tolerance.
 UNFINISHED_PENALTY = 4.0

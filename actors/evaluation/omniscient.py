@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from actors.evaluation.annealing import anneal, drive
 from actors.evaluation.retrace import Moment, follow
 from actors.evaluation.route_graph import RouteGraph
-from actors.expert import cover
-from actors.expert.visibility import Visibility, fill_words
+from actors.expert.visibility import fill_words, look_from_all
 from actors.maps.grid_map import GridMap
 from actors.tasks import make_task
 from actors.tasks.coverage import Coverage
@@ -25,6 +24,8 @@ from common.mapping.mapper import Mapper
 from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.lattice import TOLERANCE
+from common.tours import cover
+from common.tours.sighting import Visibility
 
 log = logging.getLogger(__name__)
 
@@ -150,7 +151,7 @@ class OmniscientReference:
     def _covering_tour(self, world: GridMap, graph: RouteGraph, seed: int) -> list[Leg]:
         """Return the shortest tour found that sees enough when it is driven."""
         reach = self._mapping.sensor_range / world.resolution
-        sight = Visibility.build(world.free, graph.points, reach, self._simulator.rays)
+        sight = look_from_all(world.free, graph.points, reach, self._simulator.rays)
         tolerance = int(self._task.unseen_area / world.resolution**2 + 1e-6)
         unseen = self._rehearse(world, [], seed).unseen
         if len(unseen) <= tolerance:

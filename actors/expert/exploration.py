@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from actors.expert import cover
 from actors.expert.base import UNREACHABLE, Judgement, leg_lengths
-from actors.expert.prices import price_choices
-from actors.expert.tour import tour_length
 from actors.expert.true_graph import TrueGraph
-from actors.expert.visibility import Visibility, fill_words
+from actors.expert.visibility import fill_words, look_from_all
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
 from common.config.schema import MappingConfig
@@ -18,6 +15,9 @@ from common.errors import HDError
 from common.geometry import Pose
 from common.observation import Observation
 from common.planners.lattice import ON_VIEWPOINT
+from common.tours import cover
+from common.tours.local_search import tour_length
+from common.tours.prices import price_choices
 
 NO_STOPS: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
 
@@ -50,7 +50,7 @@ class ExplorationExpert:
         self._graph = TrueGraph.build(world, self._mapping)
         self._distances = self._graph.distances()
         reach = self._mapping.sensor_range / world.resolution
-        self._sight = Visibility.build(world.free, self._graph.points, reach, self._beams)
+        self._sight = look_from_all(world.free, self._graph.points, reach, self._beams)
         self._missing = np.zeros(self._sight.tiles, dtype=np.uint64)
         self._tolerance = int(self._unseen_area / world.resolution**2 + 1e-6)
         self._ones = np.ones(len(self._graph))

@@ -169,6 +169,16 @@ class Mapper:
         rows, columns = np.nonzero(self._frontiers.mask)
         return np.stack([columns + 0.5, rows + 0.5], axis=1) * self.belief.resolution + self._origin
 
+    def sightings(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        """Return which frontier cells each viewpoint of the last update observes: in range and in line of sight.
+
+        Returns:
+            Sparse rows by node number: the first entry of each, int64, shape (n + 1,), and the entries, places in
+            `frontiers`, ascending within a row, int32.
+        """
+        frontiers = np.flatnonzero(self._frontiers.padded_mask)
+        return self._utility.sightings(frontiers, self._numbers, len(self._order))
+
     @property
     def clear(self) -> ClearGrid:
         """Where the robot fits in known free space: straight segments through its cells of value 0 keep the radius."""
@@ -196,6 +206,12 @@ class Mapper:
     def adjacency(self) -> Adjacency:
         """The edges of the observation's viewpoints as rows of neighbours, with their lengths in metres."""
         return self._edges
+
+    @property
+    def edge_lengths(self) -> NDArray[np.float64]:
+        """Length of each of the `edges`, metres, shape (m,)."""
+        ends = self.viewpoints[self.edges]
+        return np.asarray(np.hypot(*(ends[:, 1] - ends[:, 0]).T), dtype=np.float64)
 
     @property
     def beacons(self) -> NDArray[np.float64]:
@@ -340,15 +356,6 @@ class Mapper:
         best = int(np.argmin(ways)) if len(ways) else -1
         length, link = (ways[best], self._target.links[best]) if best >= 0 and np.isfinite(ways[best]) else (np.inf, -1)
         return np.append(distances, length), np.append(before, np.int32(link))
-
-    def sightings(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-        """Return the frontier cells that each viewpoint observes, those of one viewpoint behind the other's.
-
-        Returns:
-            First entry of each viewpoint, then their number, int64, shape (n + 1,); and cells as flat numbers of the
-            belief's padded grid, int32.
-        """
-        return self._utility.sightings(self._numbers, len(self._order))
 
     def _check_node(self, node: int, count: int) -> None:
         if not 0 <= node < count:

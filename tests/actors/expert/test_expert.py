@@ -10,7 +10,7 @@ from actors.episode import Role, run_episode
 from actors.expert import ExplorationExpert, make_expert
 from actors.expert.base import leg_lengths
 from actors.expert.true_graph import TrueGraph
-from actors.expert.visibility import Visibility
+from actors.expert.visibility import look_from_all
 from actors.maps.sources import open_sources
 from actors.simulators.grid import GridSimulator
 from actors.tasks import make_task
@@ -50,7 +50,7 @@ COMB = draw(
 def best_distance(world, mapping, unseen_area):
     """Shortest walk over viewpoints after which little enough is unseen, by search over all (node, what was seen)."""
     graph = TrueGraph.build(world, mapping)
-    sight = Visibility.build(world.free, graph.points, mapping.sensor_range / world.resolution, 720)
+    sight = look_from_all(world.free, graph.points, mapping.sensor_range / world.resolution, 720)
     views = []
     for v in range(len(graph)):
         view = 0
