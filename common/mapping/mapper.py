@@ -46,7 +46,6 @@ class Mapper:
 
     Attributes:
         belief: the grid; it grows by itself when a scan reaches outside.
-        target: (x, y) of the navigation target, metres, or None.
         frontiers_removed: frontier cells that updates have found to be frontiers no more, since the start; it only
             rises, so that differences tell what a step achieved.
     """
@@ -70,15 +69,13 @@ class Mapper:
         Raises:
             MappingError: a position is not finite, or the bounds are empty.
         """
-        for name, point in (("lattice_origin", lattice_origin), ("target", target)):
-            if point is not None and not np.isfinite(point).all():
-                raise MappingError(f"{name} must be finite, got {point}: pass (x, y) in metres")
+        _check_finite("lattice_origin", lattice_origin)
         self.belief = Belief(config.resolution, config.sensor_range, anchor=lattice_origin, bounds=bounds)
         self.frontiers_removed = 0
         self._config = config
         self._lattice_origin = lattice_origin
         self._beacon_reach = round(config.beacon_range / config.resolution * SUBCELLS)
-        self._target = None if target is None else Target(target, config)
+        self.target = target
         self._everywhere = False
         self._pose: Pose | None = None
         self._rebuild(None)
@@ -156,8 +153,14 @@ class Mapper:
 
     @property
     def target(self) -> tuple[float, float] | None:
-        """(x, y) of the navigation target, metres, or None."""
+        """(x, y) of the navigation target, metres, or None; another one counts from the next `update`."""
         return None if self._target is None else self._target.position
+
+    @target.setter
+    def target(self, position: tuple[float, float] | None) -> None:
+        if position is not None:
+            _check_finite("target", position)
+        self._target = None if position is None else Target(position, self._config)
 
     @property
     def target_known(self) -> bool:
@@ -392,3 +395,8 @@ class Mapper:
         self._positions = np.empty((0, 2))
         if self._target is not None:
             self._target.forget()
+
+
+def _check_finite(name: str, point: tuple[float, float]) -> None:
+    if not np.isfinite(point).all():
+        raise MappingError(f"{name} must be finite, got {point}: pass (x, y) in metres")
