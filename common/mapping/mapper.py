@@ -14,9 +14,10 @@ from common.geometry import Pose, Scan
 from common.mapping.adjacency import Adjacency
 from common.mapping.beacons import find_beacons
 from common.mapping.belief import Belief
-from common.mapping.clearance import SWEEP_TOLERANCE, sweep
+from common.mapping.clearance import CLEAR_CELL, SWEEP_TOLERANCE, TIGHT, sweep
 from common.mapping.distances import shortest_paths
 from common.mapping.frontiers import FrontierChanges, Frontiers
+from common.mapping.pieces import cells_of_nodes
 from common.mapping.planning_set import Frame, anything_left, gather, sparse_edges
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 from common.mapping.sight import CLEAR, NOTHING_LOST, blocker
@@ -174,6 +175,11 @@ class Mapper:
         return np.stack([columns + 0.5, rows + 0.5], axis=1) * self.belief.resolution + self._origin
 
     @property
+    def frontier_mask(self) -> NDArray[np.bool_]:
+        """Frontier cells of the belief's grid (not padded), bool, shape (rows, columns); read it, and no more."""
+        return self._frontiers.mask
+
+    @property
     def viewpoints(self) -> NDArray[np.float64]:
         """Positions of the observation's viewpoints by node number, metres, shape (n, 2); a copy."""
         return self._positions.copy()
@@ -267,6 +273,31 @@ class Mapper:
         x0, y0, x1, y1 = (value / SUBCELLS for value in points)
         wanted = sweep(cells.belief, cells.width, x0, y0, x0, y0, radius)
         return bool(sweep(cells.belief, cells.width, x0, y0, x1, y1, wanted) >= wanted - SWEEP_TOLERANCE)
+
+    @property
+    def room(self) -> NDArray[np.bool_]:
+        """Cells in whose middle the robot fits by what is known, bool, shape of the belief's padded grid; a copy."""
+        clear = self._graph.cells.clear.reshape(self.belief.padded.shape)
+        return (clear == CLEAR_CELL) | (clear == TIGHT)
+
+    def has_room(self, position: tuple[float, float]) -> bool:
+        """Whether the robot fits where the middle of a position's cell is, by what is known."""
+        row, column = self.belief.cell(position)
+        rows, columns = self.belief.shape
+        if not (0 <= row < rows and 0 <= column < columns):
+            return False
+        cells = self._graph.cells
+        return int(cells.clear[(row + 1) * cells.width + column + 1]) in (CLEAR_CELL, TIGHT)
+
+    def reachable_cells(self) -> NDArray[np.bool_]:
+        """Return the cells in whose middle the robot can get from where it is: those that the viewpoints stand for.
+
+        Returns:
+            bool, shape of the belief's padded grid.
+        """
+        graph = self._graph
+        inside = cells_of_nodes(graph.pieces, graph.first_of, graph.cells, graph.layout, self._numbers)
+        return inside.reshape(self.belief.padded.shape)
 
     def distances(self, from_node: int) -> NDArray[np.float64]:
         """Return the distance of every node from a viewpoint over edges, metres, shape (nodes,).

@@ -85,8 +85,8 @@ class Trial:
         self.health.heard_pose(self.now, self.now, self.pose)
         outcome = self.loop.step()
         self.outcomes.append(outcome)
-        if outcome.course is not None and not self.frozen:
-            self._drive(outcome.course.waypoint, 2.0 * TICK)
+        if outcome.aim is not None and not self.frozen:
+            self._drive(outcome.aim, 2.0 * TICK)
         return outcome
 
     def run(self, seconds, until=lambda outcome: False):
