@@ -15,7 +15,7 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.greedy import GreedyPlanner
-from common.planners.lattice import ScannedViewpoints, check_task, lead_to, next_leg, nothing_left
+from common.planners.lattice import ON_VIEWPOINT, ScannedViewpoints, check_task, lead_to, next_leg, nothing_left
 from common.planners.news import PlacesSinceNews
 from common.policy import Policy
 from common.policy_file import PolicyCard, read_policy
@@ -229,7 +229,8 @@ class LearnedPlanner:
         self._random = np.random.default_rng(0)
         self._scanned = ScannedViewpoints(self._config.viewpoint_spacing)
         self._beacon = None
-        self._places = PlacesSinceNews()
+        # Viewpoints beside lattice points move a little whenever their surroundings become known better.
+        self._places = PlacesSinceNews(ON_VIEWPOINT * self._config.viewpoint_spacing)
         self._way_out = None
         self.rule_applied = 0
         self.attention = None

@@ -18,12 +18,14 @@ _SAME: Final = 1e-3
 class PlacesSinceNews:
     """The viewpoints at which a planner has decided since the belief last grew by `NEWS_AREA`."""
 
-    def __init__(self) -> None:
+    def __init__(self, reach: float = 0.0) -> None:
+        """Know of none; places nearer to each other than `reach`, metres, count as one."""
+        self._reach = max(reach, _SAME)
         self._area = -inf
         self._places: set[Position] = set()
 
     def __contains__(self, position: Position) -> bool:
-        return any(hypot(position[0] - x, position[1] - y) <= _SAME for x, y in self._places)
+        return any(hypot(position[0] - x, position[1] - y) <= self._reach for x, y in self._places)
 
     def add(self, position: Position) -> None:
         """Note a viewpoint at which the planner decides."""

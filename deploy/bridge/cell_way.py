@@ -23,7 +23,7 @@ def nearest_way(
     Args:
         mapper: of this moment.
         start: of the way, metres.
-        passable: cells that it may lead through, bool, shape of the belief's padded grid; its start may lie beside them.
+        passable: cells that it may lead through, bool, shape of the belief's padded grid; the start may lie beside.
         goals: cells to get to, likewise.
 
     Returns:

@@ -193,7 +193,8 @@ class DecisionLoop:
         way = self._way_to_place(mapper, pose)
         place = Pose(*way[-1], pose.yaw) if way else pose
         try:
-            plan = self.team.plan(mapper, place, now)
+            look = self._oversight.look_around(mapper, place, now) if way else None
+            plan = look or self.team.plan(mapper, place, now)
         except PlannerError as error:
             self._health.policy_failed(error)
             self._faults.append(Fault(FaultKind.POLICY_ERROR, str(error)))

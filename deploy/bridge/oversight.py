@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import hypot
+from math import hypot, inf
 from typing import Final
 
 import numpy as np
@@ -27,6 +27,8 @@ _HOPELESS: Final = 2
 _SAME_PLACE: Final = 0.5
 # A frontier that is left when the robot has come so near, metres, shows no more.
 _LOOKED_AT: Final = 1.0
+# The edge of a frontier near a viewpoint, in spacings.
+_NEAR: Final = 0.75
 
 
 class Oversight:
@@ -45,9 +47,11 @@ class Oversight:
         self._loops = LoopDetector()
         self._spacing = config.mapping.viewpoint_spacing
         self._radius = config.mapping.robot_radius
-        # Where the robot is on its way to the edge of a frontier, and where it was for such a look.
+        # Where the robot is on its way to the edge of a frontier, where it was for such a look, and the viewpoints where
+        # it was with something left to see.
         self._edge: Position | None = None
         self._looked_from: list[Position] = []
+        self._decided_at: list[Position] = []
 
     def begin(self, target: Position | None, now: float) -> None:
         """Begin an episode: forget everything."""
@@ -55,6 +59,7 @@ class Oversight:
         self._blacklist.clear()
         self._edge = None
         self._looked_from.clear()
+        self._decided_at.clear()
         self._loops.reset()
         self._progress.reset(now)
 
@@ -112,13 +117,41 @@ class Oversight:
             found = self.around(mapper, place, now)
             if found.status is not Status.UNREACHABLE:
                 return found
+        return self._to_edge(mapper, place, now, inf) or plan
+
+    def look_around(self, mapper: Mapper, place: Pose, now: float) -> Plan | None:
+        """On a second visit to a viewpoint, go to the edge of a frontier near by that it sees and does not resolve.
+
+        Planners know one place for a piece of space. Without this one that is drawn to such a frontier comes again and
+        again, or gives it up.
+
+        Args:
+            mapper: updated at the place.
+            place: of the robot, on its waypoint.
+            now: seconds.
+        """
+        if self.target is not None or mapper.stuck:
+            return None
+        viewpoint = mapper.position(mapper.robot)
+        if place.distance_to(viewpoint) > _LOOKED_AT or mapper.observe().utility[mapper.robot] == 0:
+            return None
+        if all(gap(viewpoint, other) > _LOOKED_AT for other in self._decided_at):
+            self._decided_at.append(viewpoint)
+            return None
+        return self._to_edge(mapper, place, now, _NEAR * self._spacing)
+
+    def _to_edge(self, mapper: Mapper, place: Pose, now: float, farthest: float) -> Plan | None:
+        """Go to the edge of the nearest unseen frontier, at most so many metres away; None where there is none."""
         if self._edge is not None and place.distance_to(self._edge) <= _LOOKED_AT:
             self._looked_from.append(self._edge)
+        self._edge = None
         bans = self._blacklist.active(now)
-        edge = go_to_unseen(mapper, place, self._radius, lambda where: self._skips(where, bans))
-        self._edge = None if edge is None else edge.waypoint
-        if edge is not None and self.allows(edge, place, now):
-            return edge
+        plan = go_to_unseen(mapper, place, self._radius, lambda where: self._skips(where, bans))
+        if plan is None or plan.waypoint is None or not self.allows(plan, place, now):
+            return None
+        if _length([place.position, *plan.via, plan.waypoint]) > farthest:
+            return None
+        self._edge = plan.waypoint
         return plan
 
     def _skips(self, frontier: Position, bans: Sequence[Ban]) -> bool:

@@ -1,7 +1,7 @@
 """Frontiers at the edge of the space that the robot can reach: what an exploration must not end with unsaid.
 
-A viewpoint that sees a frontier may not see past the corner behind which it lies; then going there, to the edge itself, is
-what shows more.
+A viewpoint that sees a frontier may not see past the corner behind which it lies; then going there, to the edge itself,
+is what shows more.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def go_to_unseen(mapper: Mapper, pose: Pose, radius: float, skip: Callable[[Posi
         mapper: updated at the pose.
         pose: of the robot.
         radius: of the robot, metres.
-        skip: whether a frontier cell at a place is not worth going to: it was looked at from near by, or is out of bounds.
+        skip: whether a frontier cell at a place is not worth going to: looked at from near by, banned, or fenced off.
     """
     belief = mapper.belief
     cells = [

@@ -1,7 +1,7 @@
 """Rims: unknown cells so near to an obstacle that the robot can never be there, whatever they hold.
 
-The shadow between a cupboard and the wall, cells of a wall that no beam happened to meet: a robot that goes to look into
-every one of them drives far, and learns nothing about where it can go.
+The shadow between a cupboard and the wall, cells of a wall that no beam happened to meet: a robot that goes to look
+into every one of them drives far, and learns nothing about where it can go.
 """
 
 from __future__ import annotations
