@@ -47,8 +47,8 @@ class Oversight:
         self._loops = LoopDetector()
         self._spacing = config.mapping.viewpoint_spacing
         self._radius = config.mapping.robot_radius
-        # Where the robot is on its way to the edge of a frontier, where it was for such a look, and the viewpoints where
-        # it was with something left to see.
+        # The edge of a frontier that the robot is on its way to, those where it was, and viewpoints where it was with
+        # something left to see.
         self._edge: Position | None = None
         self._looked_from: list[Position] = []
         self._decided_at: list[Position] = []
