@@ -82,7 +82,7 @@ def main(
         list[str] | None,
         typer.Option(
             metavar="SOURCE",
-            help="Source of worlds, instead of the run's: a folder of PNG maps, or generator:NAME. May be repeated.",
+            help="Source of worlds, instead of the run's: folder or file of maps, or generator:NAME. May be repeated.",
         ),
     ] = None,
     evaluate: Annotated[

@@ -15,11 +15,11 @@ from actors.environment import Environment
 from actors.episode import Role, run_episode
 from actors.expert import make_expert
 from actors.maps.grid_map import GridMap
-from actors.maps.sources import MapSource, fixed_set, open_sources
+from actors.maps.sources import MapSource, fixed_set, open_sources, recommended
 from actors.recorder import Recorder
 from actors.simulators.factory import make_simulator
 from actors.tasks import make_task
-from common.config.schema import MapsConfig, RunConfig
+from common.config.schema import MappingConfig, MapsConfig, RunConfig
 from common.errors import MapError
 from common.messages.experience import Chunk, EpisodeReport
 from common.policy import Policy
@@ -89,6 +89,8 @@ class Collector:
         # Evaluation reports distance and success; it needs no privileged reward.
         reward = config.reward.model_copy(update={"kind": "paper"}) if evaluate else config.reward
         privileged = not evaluate and (config.cloning.enabled or reward.kind == "potential")
+        for spec in dict.fromkeys(spec for task in config.tasks for spec in _specs(config.maps, task.name, evaluate)):
+            _tell_unsuited(spec, config.mapping)
         self._arenas = [
             Arena(
                 task.name,
@@ -187,6 +189,15 @@ class Collector:
             self.episodes += 1
             self._deliver(report)
         return report
+
+
+def _tell_unsuited(spec: str, mapping: MappingConfig) -> None:
+    """Warn where a set of worlds recommends another mapping: all actors of a run have the learner's."""
+    settings = recommended(spec).settings.items()
+    values = {path: value for path, value in settings if path.startswith("mapping.")}
+    other = [f"{path}={value}" for path, value in values.items() if getattr(mapping, path.partition(".")[2]) != value]
+    if other:
+        log.warning("%s suits %s, the run has other values: set them where the learner starts", spec, " ".join(other))
 
 
 def _specs(maps: MapsConfig, task: str, evaluate: bool) -> tuple[str, ...]:

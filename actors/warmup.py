@@ -15,6 +15,7 @@ from actors.driver import ExpertDriver, PolicyDriver
 from actors.environment import Environment
 from actors.episode import Role, run_episode
 from actors.expert import make_expert
+from actors.maps.files import warm_up as warm_up_files
 from actors.maps.generators import make_generator
 from actors.maps.generators import warm_up as warm_up_generators
 from actors.process import follow_parent
@@ -40,6 +41,7 @@ def warm_up(network: NetworkConfig) -> None:
     forget_old_caches()
     warm_up_mapping()
     warm_up_generators()
+    warm_up_files()
     rng = np.random.default_rng(0)
     role = Role("train", "grid")
     mapping = MappingConfig()

@@ -27,7 +27,9 @@ def command_errors(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*args, **kwargs)
         except HDError as error:
-            Console(stderr=True, highlight=False, soft_wrap=True).print(f"[bold red]error:[/] {_plain(str(error))}")
+            # Without emoji: the one of `:office:` is a house, and generators have such names.
+            console = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
+            console.print(f"[bold red]error:[/] {_plain(str(error))}")
             raise typer.Exit(EXIT_ERROR) from None
         except KeyboardInterrupt:
             sys.stderr.write("interrupted\n")

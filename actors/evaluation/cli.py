@@ -9,9 +9,10 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from actors.evaluation.large.cli import app as large_app
-from actors.evaluation.options import ConfigFile, Limit, Maps, Overrides, TaskChoice, resolve
+from actors.evaluation.options import ConfigFile, Limit, Maps, Overrides, Start, Target, TaskChoice, resolve
 from actors.evaluation.progress import planner_list, run_and_show
 from actors.evaluation.results_cli import app as results_app
 from common.cli import EXIT_ERROR, command_errors
@@ -60,6 +61,8 @@ def run(
     policy: Annotated[
         Path | None, typer.Option("--policy", metavar="FILE", help="Policy of `hdplanner`; else the shipped one.")
     ] = None,
+    start: Start = None,
+    target: Target = None,
     limit: Limit = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Processes; 0 for one per core.")] = 0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of planners and simulator.")] = 0,
@@ -81,6 +84,10 @@ def run(
 
     - `hd-eval run --planner hdplanner,hdplanner-bare --policy best.safetensors --maps bench/ --out results/`
 
+    - `hd-eval run --planner greedy --maps plan.yaml --start 1.5 2.0 --out results/`
+
+    - `hd-eval run --planner nearest,tare --maps floorplans:plans/ --out results/`
+
     - `hd-eval run --planner dstar_lite,far --task navigation --maps bench/ --sim pybullet --jobs 4 --out results/`
     """
     from actors.evaluation.runner import Evaluation
@@ -92,15 +99,20 @@ def run(
         limit,
         config,
         overrides,
+        start=start,
+        target=target,
         task=task.value,
         simulator=sim.value,
         fidelity=None if fidelity is None else fidelity.value,
         seed=seed,
         time_limit=time_limit,
         policy=policy,
+        tell=lambda line: console.print(line, markup=False, emoji=False, highlight=False, soft_wrap=True),
     )
     names = planner_list(planner)
     with Evaluation(settings, names, out, overwrite=overwrite) as evaluation:
+        if warning := evaluation.limit_warning():
+            console.print("[bold yellow]warning:[/]", escape(warning), emoji=False, highlight=False, soft_wrap=True)
         crashed = run_and_show(evaluation, names, jobs, console)
     if crashed:
         raise typer.Exit(EXIT_ERROR)

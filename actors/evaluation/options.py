@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -13,16 +13,26 @@ import typer
 
 from actors.evaluation.results import Results, ResultsError
 from actors.evaluation.settings import EvaluationSettings
+from actors.evaluation.suited import suited_config
 from actors.evaluation.worlds import WorldSet
-from common.config.load import load_config
+from actors.maps.spec import with_places
 
 Maps = Annotated[
     list[str],
     typer.Option(
         "--maps",
         metavar="SOURCE",
-        help="A folder of PNG maps (with its subfolders), or generator:NAME[?key=value&...]. May be repeated.",
+        help="A folder of maps (with its subfolders), a map file (image or ROS YAML), either with a set of settings "
+        "before it (floorplans:DIR), or generator:NAME[?key=value&...]. May be repeated.",
     ),
+]
+Start = Annotated[
+    tuple[float, float] | None,
+    typer.Option("--start", metavar="X Y", help="Start in the one map file of --maps, metres, map frame."),
+]
+Target = Annotated[
+    tuple[float, float] | None,
+    typer.Option("--target", metavar="X Y", help="Target in the one map file of --maps, metres, map frame."),
 ]
 Limit = Annotated[
     int | None,
@@ -63,6 +73,8 @@ def resolve(
     config: Path | None,
     overrides: Sequence[str] | None,
     *,
+    start: tuple[float, float] | None = None,
+    target: tuple[float, float] | None = None,
     task: str | None = None,
     simulator: str = "grid",
     fidelity: str | None = None,
@@ -70,12 +82,32 @@ def resolve(
     seed: int = 0,
     time_limit: float = 10.0,
     policy: Path | None = None,
+    tell: Callable[[str], None] | None = None,
 ) -> EvaluationSettings:
-    """Return the settings of an evaluation: configuration file, environment, ``--set``, then the command's own.
+    """Return the settings of an evaluation: those that suit the maps, configuration file, environment, ``--set``, then
+    the command's own; the later one wins.
+
+    Args:
+        maps: sources of worlds.
+        limit: number of worlds.
+        config: the file.
+        overrides: values of ``--set``.
+        start: puts the start into the only source, a file.
+        target: likewise.
+        task: name of the task.
+        simulator: its name.
+        fidelity: of the simulator.
+        metres_per_pixel: scale of images.
+        seed: of planners and simulator.
+        time_limit: seconds for a decision.
+        policy: file of the learned planner.
+        tell: called with a line about the settings that suit the maps.
 
     Raises:
         ConfigError: a setting is unknown or out of range.
+        MapError: a source cannot be used.
     """
+    specs = with_places(list(maps), start, target)
     own = [f"simulator.name={simulator}", *(overrides or [])]
     if task is not None:
         own.append(f"task.name={task}")
@@ -83,11 +115,14 @@ def resolve(
         own.append(f"simulator.fidelity={fidelity}")
     if metres_per_pixel is not None:
         own.append(f"maps.metres_per_pixel={metres_per_pixel}")
-    run = load_config(config, own, os.environ)
+    suited = suited_config(specs, config, own, os.environ)
+    if tell is not None and suited.sentence:
+        tell(suited.sentence)
+    run = suited.run
     return EvaluationSettings(
-        maps=tuple(maps),
+        maps=tuple(specs),
         limit=limit,
-        metres_per_pixel=run.maps.metres_per_pixel,
+        metres_per_pixel=WorldSet(suited.source, limit).metres_per_pixel,
         task=run.task,
         mapping=run.mapping,
         simulator=run.simulator,
@@ -98,7 +133,13 @@ def resolve(
 
 
 def settings_of(
-    results: Results, maps: Sequence[str], limit: int | None, config: Path | None, overrides: Sequence[str] | None
+    results: Results,
+    maps: Sequence[str],
+    limit: int | None,
+    config: Path | None,
+    overrides: Sequence[str] | None,
+    start: tuple[float, float] | None = None,
+    target: tuple[float, float] | None = None,
 ) -> tuple[EvaluationSettings, WorldSet]:
     """Return settings that suit a results file, and the worlds to find its maps in.
 
@@ -106,7 +147,16 @@ def settings_of(
         ConfigError: a setting is unknown or out of range.
         MapError: a source cannot be used.
     """
-    settings = resolve(maps, limit, config, overrides, task=results.task, metres_per_pixel=results.metres_per_pixel)
+    settings = resolve(
+        maps,
+        limit,
+        config,
+        overrides,
+        start=start,
+        target=target,
+        task=results.task,
+        metres_per_pixel=results.metres_per_pixel,
+    )
     return settings, WorldSet.open(settings.maps, results.task, results.metres_per_pixel, limit)
 
 

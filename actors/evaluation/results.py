@@ -48,8 +48,8 @@ class EpisodeResult(Record):
         success: the task was completed.
         explored_rate: share of the reachable free area that was seen, 0 to 1.
         decision_ms: decision time; that of the processor, so that another load of the machine does not change it much.
-        corners: those of the waypoints, by number, at which the robot scanned but nothing was decided, ascending: corners
-            of ways that are not straight.
+        corners: those of the waypoints, by number, at which the robot scanned but nothing was decided, ascending:
+            corners of ways that are not straight.
         reason: why it ended, in words.
         unseen_m2: reachable area that an exploration left unseen although it ended, square metres; 0 when complete.
     """

@@ -17,7 +17,9 @@ from actors.evaluation.options import (
     Maps,
     Overrides,
     ResultsPaths,
+    Start,
     TableFormat,
+    Target,
     settings_of,
     write_text,
 )
@@ -91,6 +93,8 @@ def plot(
         str | None, typer.Option("--baseline", metavar="PLANNER", help="Of the scatter plot. [default: the first]")
     ] = None,
     suffix: Annotated[str, typer.Option("--suffix", help="Format: png, svg or pdf.")] = "png",
+    start: Start = None,
+    target: Target = None,
     limit: Limit = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
@@ -113,7 +117,7 @@ def plot(
     if PlotKind.TRAJECTORIES in wanted or PlotKind.COVERAGE in wanted:
         if not maps:
             raise ConfigError("routes are driven again for this: give --maps, or choose --kind boxes or --kind scatter")
-        settings, worlds = settings_of(found[0], maps, limit, config, overrides)
+        settings, worlds = settings_of(found[0], maps, limit, config, overrides, start, target)
         names = list(dict.fromkeys(episode.map for each in found for episode in each.episodes))
         numbers = worlds.find(names)
         for name in (map_name or names[:1]) if PlotKind.TRAJECTORIES in wanted else []:
@@ -151,6 +155,8 @@ def video(
     ] = None,
     fps: Annotated[int, typer.Option("--fps", min=1, max=60, help="Pictures per second.")] = 10,
     width: Annotated[int, typer.Option("--width", min=64, max=3840, help="Width, pixels.")] = 640,
+    start: Start = None,
+    target: Target = None,
     limit: Limit = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
@@ -168,7 +174,7 @@ def video(
     episode = next((one for one in found.episodes if map_name in (None, one.map)), None)
     if episode is None:
         raise ResultsError(f"{results} has no episode on map {map_name!r}: choose a map that stands in it")
-    settings, worlds = settings_of(found, maps, limit, config, overrides)
+    settings, worlds = settings_of(found, maps, limit, config, overrides, start, target)
     world = worlds.load(worlds.find([episode.map])[episode.map])
     count = write_video(found, episode, world, settings, out, fps=fps, width=width)
     Console(stderr=True).print(f"{out}: {count} pictures of {found.planner} on {episode.map}", highlight=False)
@@ -197,6 +203,8 @@ def card(
 def replay(
     results: ResultsPaths,
     maps: Maps,
+    start: Start = None,
+    target: Target = None,
     limit: Limit = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
@@ -214,7 +222,7 @@ def replay(
     from actors.evaluation.replay import recount
 
     found = collect_results(results)
-    settings, worlds = settings_of(found[0], maps, limit, config, overrides)
+    settings, worlds = settings_of(found[0], maps, limit, config, overrides, start, target)
     console = Console(stderr=True)
     differing = 0
     for each in found:

@@ -15,6 +15,7 @@ from actors.evaluation.journal import Journal
 from actors.evaluation.pool import Job, WorkerPool
 from actors.evaluation.results import Results, ResultsError, write_results
 from actors.evaluation.settings import EvaluationSettings
+from actors.evaluation.step_limit import warn_of_limit
 from actors.evaluation.worlds import WorldSet
 from common.closing import Closing
 from common.code_state import code_state, commit_of
@@ -22,6 +23,9 @@ from common.errors import ConfigError, LockedError
 from common.file_lock import FileLock
 
 log = logging.getLogger(__name__)
+
+# Worlds that a warning about the step limit looks at, spread evenly over all.
+_LOOKED_AT = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +113,16 @@ class Evaluation(Closing):
     def worlds(self) -> int:
         """Number of worlds."""
         return len(self._worlds)
+
+    def limit_warning(self) -> str:
+        """Return a sentence where the step limit is too small for what there is to explore; else an empty one."""
+        settings = self._settings
+        if settings.task.name != "exploration":
+            return ""
+        numbers = self._worlds.numbers
+        chosen = [numbers[i * len(numbers) // _LOOKED_AT] for i in range(_LOOKED_AT)] if numbers else []
+        worlds = (self._worlds.load(number) for number in dict.fromkeys(chosen))
+        return warn_of_limit(worlds, settings.task.max_steps, settings.mapping)
 
     def done(self, planner: str) -> int:
         """Return the number of worlds that a planner has finished."""
@@ -198,7 +212,7 @@ class Evaluation(Closing):
         settings = self._settings
         results = Results(
             task=settings.task.name,
-            metres_per_pixel=settings.metres_per_pixel,
+            metres_per_pixel=self._worlds.metres_per_pixel,
             sensor_range_m=settings.mapping.sensor_range,
             planner=planner,
             commit=commit,

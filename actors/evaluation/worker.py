@@ -25,6 +25,7 @@ from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.worlds import WorldSet
 from actors.maps.generators import make_generator
 from actors.maps.grid_map import GridMap
+from actors.maps.layout import BLOCK
 from actors.process import follow_parent
 from actors.simulators.base import Simulator
 from actors.simulators.factory import make_simulator
@@ -86,7 +87,9 @@ class Worker:
         """Return a planner; a new one first decides a few times in a small world, so that all kernels are compiled."""
         if name not in self._planners:
             made = self._settings.make(name)
-            small = make_generator("rooms", {"width": "320", "height": "240"}).world(0, self._settings.metres_per_pixel)
+            # Scaled so that one block is one spacing: then every viewpoint of the lattice finds its way.
+            scale = self._settings.mapping.viewpoint_spacing / BLOCK
+            small = make_generator("rooms", {"width": "320", "height": "240"}).world(0, scale)
             self._tell("warm", None)
             try:
                 self._episode(made, small, 0, tell_nobody, WARM_UP_STEPS)

@@ -7,8 +7,9 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from actors.maps.files import MapFile
 from actors.maps.grid_map import GridMap
-from actors.maps.sources import FolderSource, MapSource, MixedSource, Task, fixed_numbers, open_sources
+from actors.maps.sources import FileSource, MapSource, MixedSource, Task, fixed_numbers, open_sources
 from common.errors import MapError
 
 # How many worlds an evaluation takes from a source without an end, a generator, when no limit is given.
@@ -18,8 +19,9 @@ GENERATED_COUNT = 100
 class WorldSet:
     """Worlds of one or more sources, always the same ones in the same order.
 
-    A map of a folder is named as its file; where several files of the source have the same name (the public benchmark
-    has `img_1.png` three times), all are named with the folders that tell them apart, such as `easy/img_1.png`.
+    A map of a file is named as that, with the start that its specification gives (`plan.yaml?start=1.5,2.0`); where
+    several files of the source have the same name (the public benchmark has `img_1.png` three times), all are named
+    with the folders that tell them apart, such as `easy/img_1.png`.
 
     Usage::
 
@@ -29,29 +31,36 @@ class WorldSet:
 
     Attributes:
         numbers: numbers of the worlds in their source; all that a worker needs to load one.
+        metres_per_pixel: of every world, metres per cell.
     """
 
     def __init__(self, source: MapSource, limit: int | None) -> None:
         self._source = source
-        endless = not _only_folders(source)
+        endless = not _only_files(source)
         self.numbers = fixed_numbers(source, limit or (GENERATED_COUNT if endless else len(source)))
-        paths = list(_paths(source))
+        if len(source.scales) > 1:
+            scales = ", ".join(f"{scale:g}" for scale in sorted(source.scales))
+            raise MapError(
+                f"{source.name}: expected worlds of one scale, got {scales} metres per cell: evaluate them one by one"
+            )
+        (self.metres_per_pixel,) = source.scales
+        paths = list(dict.fromkeys(file.path for file in _files(source)))
         self._root: Path | None = None
         if max(Counter(path.name for path in paths).values(), default=1) > 1:
             self._root = Path(os.path.commonpath([path.parent for path in paths]))
 
     @classmethod
-    def open(cls, specs: Sequence[str], task: Task, metres_per_pixel: float, limit: int | None) -> WorldSet:
+    def open(cls, specs: Sequence[str], task: Task, metres_per_pixel: float | None, limit: int | None) -> WorldSet:
         """Open sources as `actors.maps.sources` describes them, and try the first world of each.
 
         Args:
-            specs: folders of PNG maps, or `generator:NAME[?key=value&...]`.
+            specs: folders of maps, map files, or `generator:NAME[?key=value&...]`.
             task: navigation needs maps with a target.
-            metres_per_pixel: scale of the maps.
+            metres_per_pixel: scale of images and generated worlds; None for that of their set.
             limit: number of worlds, spread evenly over a folder; None for all of a folder, or 100 of a generator.
 
         Raises:
-            MapError: a source cannot be used.
+            MapError: a source cannot be used, or worlds differ in their scale.
         """
         return cls(open_sources(specs, metres_per_pixel, task), limit)
 
@@ -64,10 +73,11 @@ class WorldSet:
 
     def name(self, number: int) -> str:
         """Return the name of a world; only generated ones have to be made for that."""
-        path = _path(self._source, number)
-        if path is None:
+        file = _file(self._source, number)
+        if file is None:
             return self._source.world(number).name
-        return path.name if self._root is None else path.relative_to(self._root).as_posix()
+        path = file.path.name if self._root is None else file.path.relative_to(self._root).as_posix()
+        return path + file.suffix
 
     def find(self, names: Sequence[str]) -> dict[str, int]:
         """Return the numbers of worlds by their names.
@@ -85,23 +95,23 @@ class WorldSet:
         return {name: known[name] for name in names}
 
 
-def _only_folders(source: MapSource) -> bool:
+def _only_files(source: MapSource) -> bool:
     if isinstance(source, MixedSource):
-        return all(_only_folders(part) for part in source.sources)
-    return isinstance(source, FolderSource)
+        return all(_only_files(part) for part in source.sources)
+    return isinstance(source, FileSource)
 
 
-def _paths(source: MapSource) -> Iterator[Path]:
+def _files(source: MapSource) -> Iterator[MapFile]:
     if isinstance(source, MixedSource):
         for part in source.sources:
-            yield from _paths(part)
-    elif isinstance(source, FolderSource):
-        yield from source.paths
+            yield from _files(part)
+    elif isinstance(source, FileSource):
+        yield from source.files
 
 
-def _path(source: MapSource, number: int) -> Path | None:
+def _file(source: MapSource, number: int) -> MapFile | None:
     """Return the file of a world, None for a generated one."""
     if isinstance(source, MixedSource):
         parts = len(source.sources)
-        return _path(source.sources[number % parts], number // parts)
-    return source.paths[number % len(source.paths)] if isinstance(source, FolderSource) else None
+        return _file(source.sources[number % parts], number // parts)
+    return source.files[number % len(source.files)] if isinstance(source, FileSource) else None

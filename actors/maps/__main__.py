@@ -15,7 +15,8 @@ from rich.table import Table
 from actors.maps.generators import GENERATORS
 from actors.maps.pictures import contact_sheet, distributions
 from actors.maps.png import write_png
-from actors.maps.sources import GENERATOR_PREFIX, fixed_set, open_sources
+from actors.maps.sources import fixed_set, open_sources
+from actors.maps.spec import GENERATOR_PREFIX
 from actors.maps.statistics import MEASURES, distance, measure_all
 from common.cli import command_errors
 from common.errors import MapError
@@ -29,7 +30,7 @@ Scale = Annotated[float, typer.Option(help="Metres per pixel.")]
 @app.command()
 @command_errors
 def compare(
-    maps: Annotated[str, typer.Option(help="A folder of PNG maps, or any other source.")],
+    maps: Annotated[str, typer.Option(help="A folder of maps, or any other source.")],
     generator: Annotated[str, typer.Option(help="A generator with its parameters, such as rooms?style=navigation.")],
     count: Count = 300,
     plot: Annotated[Path | None, typer.Option(help="Also write the distributions into this PNG file.")] = None,
@@ -85,7 +86,7 @@ def generators() -> None:
 @app.command()
 @command_errors
 def show(
-    source: Annotated[str, typer.Argument(help="A folder of PNG maps or generator:NAME[?key=value&...].")],
+    source: Annotated[str, typer.Argument(help="A folder or a file of maps, or generator:NAME[?key=value&...].")],
     out: Annotated[Path, typer.Option(help="The contact sheet, a PNG file.")],
     count: Count = 20,
     columns: Annotated[int, typer.Option(min=1, help="Maps per row.")] = 5,
@@ -95,7 +96,7 @@ def show(
 
     Example: python -m actors.maps show generator:tunnel --out tunnel.png
     """
-    contact_sheet(fixed_set(open_sources([source], 0.25, "exploration"), count), _folder_of(out), columns, width)
+    contact_sheet(fixed_set(open_sources([source], None, "exploration"), count), _folder_of(out), columns, width)
 
 
 @app.command()
@@ -113,7 +114,7 @@ def write(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise MapError(f"{out}: cannot make the folder ({error.strerror}): choose another one") from error
-    for number, world in enumerate(fixed_set(open_sources([source], 0.25, "exploration"), count)):
+    for number, world in enumerate(fixed_set(open_sources([source], None, "exploration"), count)):
         write_png(world, out / f"{number}.png")
 
 
@@ -128,7 +129,7 @@ def _generator(text: str) -> str:
 
 
 def _measure(spec: str, count: int) -> dict[str, NDArray[np.float64]]:
-    return measure_all(fixed_set(open_sources([spec], 0.25, "exploration"), count))
+    return measure_all(fixed_set(open_sources([spec], None, "exploration"), count))
 
 
 def _mean(values: NDArray[np.float64]) -> str:

@@ -1,10 +1,12 @@
-"""Sources of worlds: folders of PNG maps, generators, and mixtures of both.
+"""Sources of worlds: folders of maps, single files, generators, and mixtures of them.
 
 A specification is one of
 
-- ``FOLDER``: all PNG maps in it and its subfolders;
+- ``FOLDER``: all maps in it and its subfolders;
 - ``FOLDER#train`` or ``FOLDER#validation``: nine tenths or one tenth of them, split by a hash of the file name, so that
   every machine splits alike and a file keeps its side when others come or go;
+- ``FILE`` or ``FILE?start=X,Y&target=X,Y``: one image or ROS map;
+- ``PRESET:FOLDER`` or ``PRESET:FILE``: the same with settings that suit it, see `actors.maps.recommended`;
 - ``generator:NAME`` or ``generator:NAME?key=value&key=value``.
 """
 
@@ -17,17 +19,19 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from actors.maps.files import MapFile, is_map_file, list_maps
 from actors.maps.generators import Generator, make_generator
 from actors.maps.grid_map import GridMap
-from actors.maps.png import list_png, load_png
+from actors.maps.recommended import FILE_NAME, ROS_PRESET, SCALE, Recommendation, preset_names, read_folder, read_preset
+from actors.maps.spec import GENERATOR_PREFIX, MapSpec, parameters, parse_spec, place_text
 from common.errors import MapError
 
 Task = Literal["exploration", "navigation"]
 
-GENERATOR_PREFIX = "generator:"
+DEFAULT_SCALE = 0.25
+"""Metres per pixel of images, and of generated worlds, where nobody says otherwise."""
 GENERATED_WORLDS = 1_000_000
 """Random draws take worlds 0 to this many from a generator: seeds further apart never meet."""
-_SPLITS = ("train", "validation")
 
 
 class MapSource(Protocol):
@@ -45,6 +49,11 @@ class MapSource(Protocol):
         """Specification that made it, for logs."""
         ...
 
+    @property
+    def scales(self) -> frozenset[float]:
+        """Metres per cell that its worlds have."""
+        ...
+
     def __len__(self) -> int:
         """Return the number of different worlds that `world` and `draw` can give."""
         ...
@@ -58,26 +67,32 @@ class MapSource(Protocol):
         ...
 
 
-class FolderSource:
-    """PNG maps of a folder, in natural order of their names."""
+class FileSource:
+    """Maps in files, in natural order of their names.
 
-    def __init__(self, spec: str, paths: Sequence[Path], metres_per_pixel: float, require_target: bool) -> None:
+    Attributes:
+        name: specification that made it.
+        files: the maps.
+        scales: metres per cell that its worlds have.
+    """
+
+    def __init__(self, spec: str, files: Sequence[MapFile], metres_per_pixel: float, require_target: bool) -> None:
         self.name = spec
-        self.paths = tuple(paths)
+        self.files = tuple(files)
         self._metres_per_pixel = metres_per_pixel
         self._require_target = require_target
+        self.scales = frozenset(file.scale(metres_per_pixel) for file in files)
 
     def __len__(self) -> int:
-        return len(self.paths)
+        return len(self.files)
 
     def world(self, index: int) -> GridMap:
         """Load map number ``index`` modulo the number of maps."""
-        path = self.paths[index % len(self.paths)]
-        return load_png(path, self._metres_per_pixel, require_target=self._require_target)
+        return self.files[index % len(self.files)].load(self._metres_per_pixel, self._require_target)
 
     def draw(self, rng: np.random.Generator) -> GridMap:
         """Load a random map."""
-        return self.world(int(rng.integers(len(self.paths))))
+        return self.world(int(rng.integers(len(self.files))))
 
 
 class GeneratorSource:
@@ -85,6 +100,7 @@ class GeneratorSource:
 
     def __init__(self, spec: str, generator: Generator, metres_per_pixel: float) -> None:
         self.name = spec
+        self.scales = frozenset({metres_per_pixel})
         self.generator = generator
         self._metres_per_pixel = metres_per_pixel
 
@@ -106,6 +122,7 @@ class MixedSource:
     def __init__(self, sources: Sequence[MapSource]) -> None:
         self.name = " + ".join(source.name for source in sources)
         self.sources = tuple(sources)
+        self.scales = frozenset(scale for source in sources for scale in source.scales)
 
     def __len__(self) -> int:
         return sum(len(source) for source in self.sources)
@@ -119,22 +136,24 @@ class MixedSource:
         return self.sources[int(rng.integers(len(self.sources)))].draw(rng)
 
 
-def open_sources(specs: Sequence[str], metres_per_pixel: float, task: Task) -> MapSource:
+def open_sources(specs: Sequence[str], metres_per_pixel: float | None, task: Task) -> MapSource:
     """Open all sources of a configuration and try the first world of each.
 
     Args:
         specs: specifications, as the module's text describes them; at least one.
-        metres_per_pixel: scale of PNG maps and of generated ones.
+        metres_per_pixel: scale of images and of generated worlds; when None that of their set, else `DEFAULT_SCALE`.
+            What a specification itself says wins, and ROS maps have their own.
         task: navigation needs maps with a target; generated ones always have one.
 
     Returns:
         One source; several specifications are mixed evenly.
 
     Raises:
-        MapError: a missing or empty folder, an unknown generator or parameter, or a first map that cannot be used.
+        MapError: a missing file, a missing or empty folder, an unknown generator or parameter, or a first map that
+            cannot be used.
     """
     if not specs:
-        raise MapError("no source of maps is given: name a folder of PNG maps or a generator, such as generator:rooms")
+        raise MapError("no source of maps is given: name a folder of maps, a file or a generator: generator:rooms")
     sources = [_open(spec, metres_per_pixel, task) for spec in specs]
     for source in sources:
         source.world(0)
@@ -165,7 +184,7 @@ def fixed_numbers(source: MapSource, count: int) -> list[int]:
             if share
             for number in fixed_numbers(part, share)
         ]
-    if isinstance(source, FolderSource):
+    if isinstance(source, FileSource):
         count = min(count, len(source))
         return [number * len(source) // count for number in range(count)]
     return list(range(count))
@@ -177,46 +196,85 @@ def in_validation(file_name: str) -> bool:
     return int.from_bytes(digest[:8], "big") % 10 == 0
 
 
-def _open(spec: str, metres_per_pixel: float, task: Task) -> MapSource:
+def recommended(spec: str) -> Recommendation:
+    """Return the settings that suit a source: those of its preset, and of the ``worlds.toml`` beside its maps.
+
+    Raises:
+        MapError: there is no such source, or its settings cannot be read.
+    """
+    if spec.startswith(GENERATOR_PREFIX):
+        name = spec.removeprefix(GENERATOR_PREFIX).partition("?")[0]
+        return read_preset(name) if name in preset_names() else Recommendation()
+    parsed = parse_spec(spec)
+    return _recommended(parsed, _files(parsed))
+
+
+def _open(spec: str, metres_per_pixel: float | None, task: Task) -> MapSource:
     if spec.startswith(GENERATOR_PREFIX):
         name, _, query = spec.removeprefix(GENERATOR_PREFIX).partition("?")
-        return GeneratorSource(spec, make_generator(name, _parameters(spec, query)), metres_per_pixel)
-    return _open_folder(spec, metres_per_pixel, task)
+        return GeneratorSource(spec, make_generator(name, parameters(spec, query)), metres_per_pixel or DEFAULT_SCALE)
+    parsed = parse_spec(spec)
+    files = _files(parsed)
+    scale = parsed.metres_per_pixel or metres_per_pixel or _recommended(parsed, files).metres_per_pixel
+    return FileSource(spec, files, scale or DEFAULT_SCALE, require_target=task == "navigation")
 
 
-def _parameters(spec: str, query: str) -> dict[str, str]:
-    parameters: dict[str, str] = {}
-    for pair in query.split("&") if query else []:
-        key, equals, value = pair.partition("=")
-        if not (key and equals and value):
-            raise MapError(
-                f"{spec}: expected key=value after '?', got '{pair}': write for example ?width=320&height=240"
-            )
-        if key in parameters:
-            raise MapError(f"{spec}: parameter '{key}' is given twice: give it once")
-        parameters[key] = value
-    return parameters
+def _recommended(spec: MapSpec, files: Sequence[MapFile]) -> Recommendation:
+    found = read_folder(_set_folder(spec))
+    all_ros = all(file.is_ros for file in files)
+    if spec.preset:
+        found = read_preset(spec.preset).over(found)
+    elif all_ros and not found.settings:
+        found = read_preset(ROS_PRESET).over(found)
+    return found.without(SCALE) if all_ros else found
 
 
-def _open_folder(spec: str, metres_per_pixel: float, task: Task) -> FolderSource:
-    text, mark, split = spec.rpartition("#")
-    if not mark or Path(spec).expanduser().is_dir():
-        text, split = spec, ""
-    elif split not in _SPLITS:
-        raise MapError(f"{spec}: unknown split '{split}': choose #train or #validation, or leave it out for all maps")
-    folder = Path(text).expanduser()
-    if not folder.is_dir():
-        what = "is a file, expected a folder of PNG maps" if folder.is_file() else "there is no such folder"
+def _set_folder(spec: MapSpec) -> Path:
+    return spec.path if spec.path.is_dir() else spec.path.parent
+
+
+def _files(spec: MapSpec) -> list[MapFile]:
+    """Return the map files that a specification means; at least one."""
+    if spec.path.is_dir():
+        return _folder(spec)
+    if not spec.path.exists():
         raise MapError(
-            f"{spec}: {what}: use a generator such as generator:rooms, or fetch public maps as docs/maps.md says"
+            f"{spec.text}: there is no such file, and no such folder: use a generator such as generator:rooms, or "
+            "fetch public maps as docs/maps.md says"
         )
-    paths = list_png(folder)
-    if not paths:
-        raise MapError(f"{spec}: the folder holds no PNG maps: check the path or use a generator (generator:rooms)")
-    if split:
-        paths = [path for path in paths if in_validation(path.name) == (split == "validation")]
-        if not paths:
+    if not is_map_file(spec.path):
+        raise MapError(
+            f"{spec.text}: is a file, expected a map (PNG, PGM, JPG, BMP, or the YAML file of a ROS map) or a folder "
+            "of maps: convert it"
+        )
+    if spec.split:
+        raise MapError(f"{spec.text}: #{spec.split} splits the maps of a folder, got one file: leave it out")
+    place = read_folder(_set_folder(spec)).places.get(spec.path.name)
+    start = spec.start or (place.start if place else None)
+    target = spec.target or (place.target if place else None)
+    said = place_text(spec.start, spec.target)
+    file = MapFile(spec.path, start, target, f"?{said}" if said else "")
+    if file.is_ros and spec.metres_per_pixel is not None:
+        raise MapError(f"{spec.text}: a ROS map says its resolution itself: leave metres_per_pixel out")
+    return [file]
+
+
+def _folder(spec: MapSpec) -> list[MapFile]:
+    if spec.start or spec.target:
+        raise MapError(
+            f"{spec.text}: start and target belong to one file, got a folder: name a file, or write {FILE_NAME} there"
+        )
+    files = list_maps(spec.path, dict(read_folder(spec.path).places))
+    if not files:
+        raise MapError(
+            f"{spec.text}: the folder holds no PNG maps and no ROS maps: check the path or use a generator "
+            "(generator:rooms)"
+        )
+    if spec.split:
+        files = [file for file in files if in_validation(file.path.name) == (spec.split == "validation")]
+        if not files:
             raise MapError(
-                f"{spec}: no map of this folder falls into the split '{split}': use more maps or a folder of its own"
+                f"{spec.text}: no map of this folder falls into the split '{spec.split}': use more maps or a folder of "
+                "its own"
             )
-    return FolderSource(spec, paths, metres_per_pixel, require_target=task == "navigation")
+    return files

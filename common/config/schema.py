@@ -25,7 +25,8 @@ class MapsConfig(Section):
     """Where worlds come from."""
 
     train: tuple[str, ...] = ("generator:rooms",)
-    """Sources of training worlds: folders of PNG maps, or `generator:NAME[?key=value&...]`. Drawn evenly from all."""
+    """Sources of training worlds: folders of maps, map files with a start (`plan.yaml?start=1.5,2`), or
+    `generator:NAME[?key=value&...]`; docs/maps.md has them all. Drawn evenly from all."""
     validation: tuple[str, ...] = ("generator:rooms?seed=1000000",)
     """Sources of validation worlds, used by evaluating actors to choose the best checkpoint. Never the bench maps."""
     validation_count: Annotated[int, Field(ge=1, le=10_000)] = 50
@@ -34,8 +35,9 @@ class MapsConfig(Section):
     """Sources for the navigation episodes of a run with `both_tasks`, which need targets; `train` when not given."""
     validation_navigation: tuple[str, ...] = ()
     """Likewise for validation; half of `validation_count` comes from either."""
-    metres_per_pixel: Positive = 0.25
-    """Scale of PNG maps."""
+    metres_per_pixel: Positive | None = None
+    """Scale of images and of generated worlds; when not given that of their set (`worlds.toml`), else 0.25. ROS maps
+    have their own."""
 
 
 class MappingConfig(Section):
@@ -57,6 +59,8 @@ class MappingConfig(Section):
     """When no viewpoint observes `min_utility` frontiers any more, those that observe so many are useful."""
     beacon_range: Positive = 20.0
     """d_th of Algorithm 1: a beacon covers useful viewpoints up to this distance in line of sight, metres."""
+    robot_radius: Annotated[float, Field(ge=0.0)] = 0.0
+    """Radius of the robot, metres: no edge of the viewpoint graph leads through less clearance; 0 for a point."""
 
     @property
     def observable_range(self) -> float:

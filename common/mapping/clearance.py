@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from common.jit import njit
 from common.mapping.belief import Belief
 from common.mapping.sight import FREE, Box
+from common.mapping.squares import Layout, mark
 
 # Every point of the cell is clear; the same number as FREE, so that `common.mapping.sight.blocker` reads both grids.
 CLEAR_CELL: Final = FREE
@@ -37,9 +38,9 @@ def _update(
     tight_span: NDArray[np.int16],
     clear_span: NDArray[np.int16],
     changed: Box,
-    row_of: NDArray[np.int32],
-    column_of: NDArray[np.int32],
+    layout: Layout,
     dirty: NDArray[np.bool_],
+    beside: NDArray[np.bool_],
 ) -> tuple[int, int, int, int, int, int, int, int]:
     """Recompute the cells that a box of changed cells can touch.
 
@@ -50,9 +51,9 @@ def _update(
             row offset from -reach to reach, int16; -1 for none.
         clear_span: likewise for CLEAR_CELL.
         changed: box of changed cells.
-        row_of: row of squares of each row of cells.
-        column_of: column of squares of each column of cells.
+        layout: of the squares.
         dirty: squares with changed cells, bool; those whose clear space changed are set.
+        beside: likewise squares with changes in their margin.
 
     Returns:
         The box of cells whose clearance changed, then that of the cells that are worse than before; the second number
@@ -100,7 +101,7 @@ def _update(
             before = clear[row, column]
             if value != before:
                 clear[row, column] = value
-                dirty[row_of[row], column_of[column]] = True
+                mark(layout, row, column, dirty, beside)
                 new = (min(new[0], row), row, min(new[2], column), max(new[3], column))
                 if value > before:
                     lost = (min(lost[0], row), row, min(lost[2], column), max(lost[3], column))
@@ -199,9 +200,9 @@ class Clearance:
         cells: NDArray[np.int8],
         changed: Box,
         lost: Box,
-        row_of: NDArray[np.int32],
-        column_of: NDArray[np.int32],
+        layout: Layout,
         dirty: NDArray[np.bool_],
+        beside: NDArray[np.bool_],
     ) -> tuple[Box, Box]:
         """Bring the grid up to date; arguments as `_update` describes them.
 
@@ -209,16 +210,16 @@ class Clearance:
             cells: padded grid of the belief, int8, shape (height, width).
             changed: box of all cells that changed.
             lost: box of those that are free no more; its second number is -1 when there are none.
-            row_of: row of squares of each row of cells.
-            column_of: column of squares of each column of cells.
+            layout: of the squares.
             dirty: squares with changed cells; those whose clear space changed are set.
+            beside: likewise squares with changes in their margin.
 
         Returns:
             The box of cells whose clearance changed, and that of those that are worse than before.
         """
         if self._point:
             return changed, lost
-        boxes = _update(cells, self.grid, self._tight, self._clear, changed, row_of, column_of, dirty)
+        boxes = _update(cells, self.grid, self._tight, self._clear, changed, layout, dirty, beside)
         return (boxes[0], boxes[1], boxes[2], boxes[3]), (boxes[4], boxes[5], boxes[6], boxes[7])
 
 

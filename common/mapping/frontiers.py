@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from common.jit import njit
 from common.mapping.belief import Belief
 from common.mapping.sight import FREE, UNKNOWN, Box
-from common.mapping.squares import Layout
+from common.mapping.squares import Layout, mark
 
 # Unknown cells among its eight neighbours that make a free cell a frontier.
 MIN_UNKNOWN: Final = 2
@@ -28,9 +28,9 @@ def _find_changes(
     column_high: int,
     added: NDArray[np.int32],
     removed: NDArray[np.int32],
-    row_of: NDArray[np.int32],
-    column_of: NDArray[np.int32],
+    layout: Layout,
     dirty: NDArray[np.bool_],
+    beside: NDArray[np.bool_],
 ) -> tuple[int, int, int, int, int, int]:
     """Find the frontiers that came and went, and the cells that are free no more.
 
@@ -47,9 +47,9 @@ def _find_changes(
         column_high: its last column.
         added: receives flat indices of new frontiers, int32; as long as the grid.
         removed: receives flat indices of cells that are frontiers no more, likewise.
-        row_of: row of lattice squares of each row of cells, int32.
-        column_of: column of lattice squares of each column of cells, int32.
-        dirty: lattice squares, bool; those with a cell that changed are set.
+        layout: of the lattice squares.
+        dirty: squares, bool; those with a cell that changed are set.
+        beside: likewise those with such a cell in their margin.
 
     Returns:
         Number of new and of gone frontiers, and the box (first row, last row, first column, last column) of cells
@@ -63,7 +63,7 @@ def _find_changes(
                 if settled[row, column] == FREE:
                     lost = (min(lost[0], row), row, min(lost[2], column), max(lost[3], column))
                 settled[row, column] = cells[row, column]
-                dirty[row_of[row], column_of[column]] = True
+                mark(layout, row, column, dirty, beside)
     first, last = max(column_low - 1, 1), min(column_high + 1, width - 2)
     new = 0
     gone = 0
@@ -121,7 +121,12 @@ class Frontiers:
         return self._mask[1:-1, 1:-1]
 
     def update(
-        self, padded: NDArray[np.int8], changed: Box, layout: Layout, dirty: NDArray[np.bool_]
+        self,
+        padded: NDArray[np.int8],
+        changed: Box,
+        layout: Layout,
+        dirty: NDArray[np.bool_],
+        beside: NDArray[np.bool_],
     ) -> FrontierChanges:
         """Bring the frontiers up to date.
 
@@ -130,9 +135,9 @@ class Frontiers:
             changed: box of all cells that changed since the last update.
             layout: of the lattice squares.
             dirty: squares, bool, shape (rows, columns); those with a cell that changed are set.
+            beside: likewise those with such a cell in their margin.
         """
         added, removed, *lost = _find_changes(
-            padded, self._settled, self._mask, *changed, self._added, self._removed, layout.row_of, layout.column_of,
-            dirty,
+            padded, self._settled, self._mask, *changed, self._added, self._removed, layout, dirty, beside
         )  # fmt: skip
         return FrontierChanges(self._added[:added], self._removed[:removed], (lost[0], lost[1], lost[2], lost[3]))

@@ -102,7 +102,8 @@ class Mapper:
         changed = belief.take_changes()
         frontiers = _NO_CHANGES
         if changed is not None:
-            frontiers = self._frontiers.update(belief.padded, changed, self._graph.layout, self._graph.dirty)
+            graph = self._graph
+            frontiers = self._frontiers.update(belief.padded, changed, graph.layout, graph.dirty, graph.beside)
             self.frontiers_removed += len(frontiers.removed)
         robot = belief.subcells(pose.position)
         self._graph.update(changed, frontiers.lost, robot, everywhere=self._everywhere)
@@ -226,6 +227,10 @@ class Mapper:
         goal = self.position(b)
         if b == n:
             assert self._target is not None
+            if a not in self._target.links:
+                raise MappingError(
+                    f"node {a} has no link to the target: ask for the ways between neighbours, as `path` does"
+                )
             return [*self._metres(self._target.way(self._graph, int(self._order[a]))[1:-1]), goal]
         row = slice(int(self._edges.pointer[a]), int(self._edges.pointer[a + 1]))
         place = np.flatnonzero(self._edges.neighbours[row] == b)
@@ -389,9 +394,7 @@ class Mapper:
         padded = self.belief.padded
         cells, width = padded.reshape(-1), padded.shape[1]
         beacon = find_beacons(cells, width, x, y, utility > 0, self._beacon_reach)
-        degree, neighbours, bent, bent_length = sparse_edges(
-            self._edges.pointer, self._edges.neighbours, self._edges.lengths, self._edges.bent, config.viewpoint_spacing
-        )
+        degree, neighbours, bent, bent_length = sparse_edges(self._edges, config.viewpoint_spacing)
         target = self._target
         if target is not None:
             target.tie(self.belief, graph, self._numbers, x, y, beacon)

@@ -58,6 +58,16 @@ def label_square(cells: Cells, layout: Layout, j: int, i: int, stack: NDArray[np
     width, clear, labels = cells.width, cells.clear, cells.labels
     row_low, row_high = layout.row_begin[j], layout.row_begin[j + 1] - 1
     column_low, column_high = layout.column_begin[i], layout.column_begin[i + 1] - 1
+    size = 0
+    for row in range(row_low, row_high + 1):
+        for cell in range(row * width + column_low, row * width + column_high + 1):
+            labels[cell] = passable(clear[cell])
+            size += labels[cell]
+    # Most squares are one piece or none.
+    if size == (row_high - row_low + 1) * (column_high - column_low + 1):
+        return 1
+    if size == 0:
+        return 0
     for row in range(row_low, row_high + 1):
         labels[row * width + column_low : row * width + column_high + 1] = 0
     count = 0
@@ -183,7 +193,8 @@ def survey(
         Whether the square's pieces are what they will stay, nearly: a wall was seen in it, or nothing is unknown.
     """
     width, labels = cells.width, cells.labels
-    wall, unknown = False, False
+    # What lies outside the grid is unknown.
+    wall, unknown = False, not (layout.row_whole[j] and layout.column_whole[i])
     for row in range(layout.row_begin[j], layout.row_begin[j + 1]):
         for cell in range(row * width + layout.column_begin[i], row * width + layout.column_begin[i + 1]):
             value = cells.belief[cell]

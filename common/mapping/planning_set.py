@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from common.errors import MappingError
 from common.jit import njit
+from common.mapping.adjacency import Adjacency
 from common.mapping.raycast import SUBCELLS
 from common.mapping.squares import Layout
 from common.observation import MAX_DEGREE, MAX_OFFSET, STEP_UNITS
@@ -145,7 +146,7 @@ def gather(
 @njit(cache=True, nogil=True)
 def anything_left(order: NDArray[np.int32], pieces: Any, counts: NDArray[np.int32], least_utility: int) -> bool:
     """Whether one of the viewpoints where the robot has not been observes enough frontiers."""
-    for piece in order:
+    for piece in order:  # noqa: SIM110 - compiled: numba knows no any()
         if counts[piece] >= least_utility and not pieces[piece].visited:
             return True
     return False
@@ -158,16 +159,21 @@ def _sparse_edges(
     lengths: NDArray[np.float64],
     bent: NDArray[np.bool_],
     spacing: float,
-) -> tuple[NDArray[np.int64], NDArray[np.uint16], NDArray[np.uint32], NDArray[np.float32]]:
+) -> tuple[NDArray[np.uint8], NDArray[np.uint16], NDArray[np.uint32], NDArray[np.float32], int]:
     n = len(pointer) - 1
-    degree = np.zeros(n, dtype=np.int64)
+    degree = np.zeros(n, dtype=np.uint8)
     half = len(neighbours) // 2
     higher = np.empty(half, dtype=np.uint16)
-    bent_edges = np.empty(half, dtype=np.uint32)
-    bent_lengths = np.empty(half, dtype=np.float32)
+    is_bent = 0
+    for k in range(len(bent)):
+        is_bent += bent[k]
+    bent_edges = np.empty(is_bent // 2, dtype=np.uint32)
+    bent_lengths = np.empty(is_bent // 2, dtype=np.float32)
     at = 0
     count = 0
+    most = np.int64(0)
     for node in range(n):
+        most = max(most, pointer[node + 1] - pointer[node])
         for k in range(pointer[node], pointer[node + 1]):
             if neighbours[k] > node:
                 if bent[k]:
@@ -177,32 +183,25 @@ def _sparse_edges(
                 higher[at] = neighbours[k]
                 at += 1
                 degree[node] += 1
-    return degree, higher, bent_edges[:count].copy(), bent_lengths[:count].copy()
+    return degree, higher, bent_edges, bent_lengths, most
 
 
 def sparse_edges(
-    pointer: NDArray[np.int64],
-    neighbours: NDArray[np.int32],
-    lengths: NDArray[np.float64],
-    bent: NDArray[np.bool_],
-    spacing: float,
+    edges: Adjacency, spacing: float
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint16], NDArray[np.uint32], NDArray[np.float32]]:
     """Return the edges as an observation lists them: degree, neighbours, bent and bent_length.
 
     Args:
-        pointer: as `Adjacency` has them, like the next three.
-        neighbours: node numbers.
-        lengths: metres.
-        bent: edges that are no straight line.
-        spacing: metres.
+        edges: of the numbered viewpoints.
+        spacing: of the lattice, metres.
 
     Raises:
         MappingError: a viewpoint has more neighbours than an observation can list.
     """
-    if int(np.diff(pointer).max(initial=0)) > MAX_DEGREE:
+    *columns, most = _sparse_edges(edges.pointer, edges.neighbours, edges.lengths, edges.bent, spacing)
+    if most > MAX_DEGREE:
         raise MappingError(
-            f"a viewpoint has {int(np.diff(pointer).max())} neighbours, an observation lists {MAX_DEGREE}: "
-            "use a smaller mapping.viewpoint_spacing, or coarser cells"
+            f"a viewpoint has {most} neighbours, an observation lists {MAX_DEGREE}: use a smaller "
+            "mapping.viewpoint_spacing, or coarser cells"
         )
-    degree, higher, bent_edges, bent_lengths = _sparse_edges(pointer, neighbours, lengths, bent, spacing)
-    return degree.astype(np.uint8), higher, bent_edges, bent_lengths
+    return columns[0], columns[1], columns[2], columns[3]

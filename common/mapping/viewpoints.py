@@ -59,6 +59,21 @@ def _label_dirty(cells: Cells, layout: Layout, dirty: NDArray[np.bool_], counts:
 
 
 @njit(cache=True, nogil=True)
+def _mark_beside(pieces: Any, first_of: NDArray[np.int32], dirty: NDArray[np.bool_], beside: NDArray[np.bool_]) -> None:
+    """Make those squares dirty as well whose viewpoints may have to move for what changed beside the square."""
+    rows, columns = dirty.shape
+    for j in range(rows):
+        for i in range(columns):
+            if not beside[j, i]:
+                continue
+            beside[j, i] = False
+            piece = first_of[j * columns + i]
+            while piece >= 0:
+                dirty[j, i] |= pieces[piece].x >= 0 and not pieces[piece].centred
+                piece = pieces[piece].next
+
+
+@njit(cache=True, nogil=True)
 def _largest(begin: NDArray[np.int64]) -> int:
     most = 1
     for k in range(len(begin) - 1):
@@ -284,8 +299,8 @@ def _renew_viewpoints(
     """Settle the dirty squares, find the robot, choose the viewpoints, and take those that are no more off the lists.
 
     Returns:
-        Height of the stack of free numbers, the pieces that are no more, the robot's piece, the pieces of new viewpoints
-        and of ended ones, and how long a list of pairs can become.
+        Height of the stack of free numbers, the pieces that are no more, the robot's piece, the pieces of new and of
+        ended viewpoints, and how long a list of pairs can become.
     """
     used = len(pieces)
     touch_count, touched, length = touches
@@ -384,6 +399,7 @@ class ViewpointGraph:
         pieces: all pieces, of dtype `PIECE`.
         robot: the piece in which the robot stands, -1 when it stands in none and sees none near; its viewpoint exists.
         dirty: squares that an update has to look at, bool, shape (rows, columns); set by whoever knows of changes.
+        beside: squares within ``layout.margin`` cells of changes, likewise.
         fresh: pieces whose viewpoint is new since the update before, int32.
         ended: pieces whose viewpoint is no more, likewise.
         changed: box of cells around all of them and around all changes; its second number is -1 without any.
@@ -406,15 +422,21 @@ class ViewpointGraph:
             radius: of the robot, metres, 0 allowed.
             previous: graph of an earlier generation of the belief, which knows where the robot has been.
         """
-        self.layout, self.first = lay_out(belief, lattice_origin, spacing)
+        # Where a viewpoint has its place depends on cells so far beside its square.
+        side = int(spacing / belief.resolution)
+        self._margin = min(max(round(PLACE_MARGIN / belief.resolution), 1), side)
+        self.layout, self.first = lay_out(belief, lattice_origin, spacing, self._margin)
         self._clearance = Clearance(belief, radius)
         shape = belief.padded.shape
         been = np.zeros(shape, dtype=np.bool_)
         self._first_cell = belief.first_cell
         if previous is not None:
             down, right = (a - b for a, b in zip(previous._first_cell, self._first_cell, strict=True))
-            rows, columns = previous._been.shape
-            been[down : down + rows, right : right + columns] |= previous._been
+            # Without their rings: an empty grid lies nowhere.
+            known = previous._been[1:-1, 1:-1]
+            rows, columns = known.shape
+            if known.size:
+                been[down + 1 : down + 1 + rows, right + 1 : right + 1 + columns] = known
         self._been = been
         self.cells = Cells(
             belief=belief.padded.reshape(-1),
@@ -424,13 +446,12 @@ class ViewpointGraph:
             width=shape[1],
         )
         squares = (len(self.layout.y), len(self.layout.x))
-        self.dirty = np.zeros(squares, dtype=np.bool_)
+        self.dirty, self.beside = np.zeros((2, *squares), dtype=np.bool_)
         self._counts = np.zeros(squares, dtype=np.int32)
         self.first_of = np.full(squares[0] * squares[1], NOWHERE, dtype=np.int32)
         self._resolution = belief.resolution
         # The robot is at its viewpoint within half a spacing.
         self._visit_reach = round(spacing / belief.resolution * SUBCELLS) // 2
-        self._margin = max(round(PLACE_MARGIN / belief.resolution), 1)
         self._clear_reach = ceil((radius + MARGIN_REACH) / belief.resolution)
         # One subcell of rounding at either end must not cut off a viewpoint that is exactly as far as edges reach.
         self.edge_reach = int(LONGEST_EDGE * spacing / belief.resolution * SUBCELLS) + 2
@@ -469,8 +490,9 @@ class ViewpointGraph:
         box = NOTHING_LOST
         if changed is not None:
             box, lost = self._clearance.update(
-                cells.belief.reshape(-1, cells.width), changed, lost, layout.row_of, layout.column_of, self.dirty
+                cells.belief.reshape(-1, cells.width), changed, lost, layout, self.dirty, self.beside
             )
+            _mark_beside(self.pieces, self.first_of, self.dirty, self.beside)
             total = int(_label_dirty(cells, layout, self.dirty, self._counts))
             if total > self._free_count:
                 self._reserve(self.used + max(self.used, total))

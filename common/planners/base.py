@@ -33,9 +33,9 @@ class Plan:
 
     Attributes:
         status: what the planner says about the task.
-        waypoint: where to go next, metres in the map frame; None unless `status` is GOING. The way there is straight but
-            for the corners in `via`; each leg leads through known free space with room for the robot, and is at most as
-            long as the longest straight edge of the viewpoint graph (sqrt(5) spacings).
+        waypoint: where to go next, metres in the map frame; None unless `status` is GOING. The way there is straight
+            but for the corners in `via`; each leg leads through known free space with room for the robot, and is at
+            most as long as the longest straight edge of the viewpoint graph (sqrt(5) spacings).
         via: corners of the way to the waypoint, metres; empty where it is straight.
         beacon: the area that the waypoint leads to, metres, where the planner has such a notion.
         path: the route planned beyond the waypoint, metres, for display.

@@ -20,9 +20,19 @@ from common.logs import setup_logging
 from common.planners.base import TaskName
 from deploy.config import DeployConfig
 from deploy.profiles import load_deploy_config
-from deploy.robot.options import RobotOptions
+from deploy.robot.options import DEFAULT_SCALE, RobotOptions
 
 DEFAULTS = RobotOptions()
+Position = tuple[float, float]
+World = Annotated[
+    str,
+    typer.Option("--map", help="Map file (image or ROS YAML), folder of maps, or generator:NAME[?key=value&...]."),
+]
+Start = Annotated[Position | None, typer.Option(metavar="X Y", help="Start in the map file, metres, map frame.")]
+Target = Annotated[Position | None, typer.Option(metavar="X Y", help="Target in the map file, metres, map frame.")]
+Scale = Annotated[
+    float | None, typer.Option(help=f"Metres per pixel of the map. [default: its set's, else {DEFAULT_SCALE}]")
+]
 ENDPOINT = "tcp/127.0.0.1:7447"
 
 EXAMPLES = """
@@ -31,6 +41,8 @@ Examples:
   hd-deploy robot                                   a small office, ROS 2 topics of the profile `bare`
 
   hd-deploy robot --profile cmu --map hall.png      the CMU stack's topics; drives to /way_point itself
+
+  hd-deploy robot --map floor.yaml --start 2.5 -1   a map of ROS; metres in its own frame
 
   hd-deploy robot --map "generator:forest?seed=7" --speed-factor 3 --range-noise 0.02
 
@@ -44,15 +56,17 @@ Examples:
 
   hd-deploy demo --task navigation --profile cmu    to a target, on a robot that drives to waypoints itself
 
+  hd-deploy demo --map floorplans:plan.png          a floor plan with a yellow start, 0.1 m a pixel
+
   hd-deploy demo --map "generator:forest?width=256&height=192" --planner tare --video forest.gif
 """
 
 
 @command_errors
 def robot(
-    world: Annotated[
-        str, typer.Option("--map", help="PNG map, folder of maps, or generator:NAME[?key=value&...].")
-    ] = DEFAULTS.map,
+    world: World = DEFAULTS.map,
+    start: Start = None,
+    target: Target = None,
     profile: Annotated[str | None, typer.Option(help="Topics and frames: bare, cmu or nav2. [default: bare]")] = None,
     config: Annotated[Path | None, typer.Option(help="TOML or JSON file, the bridge's own.")] = None,
     settings: Annotated[
@@ -64,7 +78,7 @@ def robot(
     listen: Annotated[
         list[str] | None, typer.Option(help=f"Be the router at this endpoint. [default: {ENDPOINT}]")
     ] = None,
-    metres_per_pixel: Annotated[float, typer.Option(help="Scale of the map.")] = DEFAULTS.metres_per_pixel,
+    metres_per_pixel: Scale = None,
     seed: Annotated[int, typer.Option(help="Number of the world in its source, and seed of all noise.")] = 0,
     speed_factor: Annotated[float, typer.Option(help="Times faster than real time.")] = 1.0,
     layers: Annotated[
@@ -96,7 +110,7 @@ def robot(
 
     options = checked_options(
         {
-            "map": world,
+            "map": placed(world, start, target),
             "metres_per_pixel": metres_per_pixel,
             "seed": seed,
             "speed_factor": speed_factor,
@@ -121,9 +135,10 @@ def robot(
 def demo(
     task: Annotated[str, typer.Option(help="exploration or navigation.")] = "exploration",
     planner: Annotated[str, typer.Option(help="Planner; hdplanner is the shipped policy.")] = "hdplanner",
-    world: Annotated[
-        str, typer.Option("--map", help="PNG map, folder of maps, or generator:NAME[?key=value&...].")
-    ] = DEFAULTS.map,
+    world: World = DEFAULTS.map,
+    start: Start = None,
+    target: Target = None,
+    metres_per_pixel: Scale = None,
     seed: Annotated[int, typer.Option(help="Number of the world in its source, and seed of all noise.")] = 0,
     profile: Annotated[str, typer.Option(help="Topics and frames: bare, cmu or nav2.")] = "bare",
     settings: Annotated[
@@ -147,14 +162,23 @@ def demo(
     if task not in ("exploration", "navigation"):
         raise ConfigError(f"--task: expected exploration or navigation, got {task!r}")
     name: TaskName = "navigation" if task == "navigation" else "exploration"
-    options = checked_options({"map": world, "seed": seed, "speed_factor": speed_factor, "range_noise": range_noise})
+    world = placed(world, start, target)
+    options = checked_options(
+        {
+            "map": world,
+            "metres_per_pixel": metres_per_pixel,
+            "seed": seed,
+            "speed_factor": speed_factor,
+            "range_noise": range_noise,
+        }
+    )
     trial = Trial(
         name,
         options=options,
         planner=planner,
         profile=profile,
         folder=folder,
-        settings=settings or (),
+        settings=[*suited_settings(world), *(settings or ())],
     )
     stop = threading.Event()
     with stopping_signals(stop):
@@ -174,6 +198,23 @@ def _extras(command: str) -> Iterator[None]:
             f"hd-deploy {command} needs {error.name}, which is not installed: "
             "pip install 'hdplanner[actor,pybullet,robot,plots]'"
         ) from error
+
+
+def placed(world: str, start: Position | None, target: Position | None) -> str:
+    """Return a world with the start and the target of the command line put in."""
+    if start is None and target is None:
+        return world
+    from actors.maps.spec import with_places
+
+    return with_places([world], start, target)[0]
+
+
+def suited_settings(world: str) -> list[str]:
+    """Return what a world's set says of the mapping, as overrides for robot and bridge."""
+    from actors.maps.sources import recommended
+
+    settings = recommended(world).settings
+    return [f"{path}={json.dumps(value)}" for path, value in settings.items() if path.startswith("mapping.")]
 
 
 def checked_options(values: dict[str, object]) -> RobotOptions:

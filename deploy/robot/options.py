@@ -9,14 +9,17 @@ from pydantic import Field
 from common.config.schema import Positive, Section
 from deploy.config import DeployConfig, NonNegative
 
+DEFAULT_SCALE = 0.1875
+"""Metres per pixel: doors of a generated office are 8 pixels wide and must let viewpoints 1 m apart through."""
+
 
 class RobotOptions(Section):
     """Options of `hd-deploy robot`; topics and frames are those of the bridge's `DeployConfig`."""
 
     map: str = "generator:office?width=192&height=192&seed=3"
-    """World: a PNG map, a folder of them, or `generator:NAME[?key=value&...]`."""
-    metres_per_pixel: Positive = 0.1875
-    """Scale of PNG maps and of generated ones; doors of an office are 8 pixels wide and must let viewpoints through."""
+    """World: a map file (`plan.yaml?start=1.5,2`), a folder of them, or `generator:NAME[?key=value&...]`."""
+    metres_per_pixel: Positive | None = None
+    """Scale of images and of generated worlds; when not given that of their set, else `DEFAULT_SCALE`."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Number of the world in its source, and seed of all noise."""
     speed_factor: Annotated[float, Field(gt=0.0, le=100.0)] = 1.0

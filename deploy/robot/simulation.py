@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
-from actors.maps.png import load_png
-from actors.maps.sources import open_sources
+from actors.maps.sources import open_sources, recommended
 from common.closing import Closing
 from common.config.schema import SimulatorConfig
 from common.errors import SimulatorError
@@ -21,7 +19,7 @@ from deploy.config import DeployConfig
 from deploy.robot.drive_base import DriveBase
 from deploy.robot.follower import WaypointFollower
 from deploy.robot.odometry import Odometry, compose, correction, relative
-from deploy.robot.options import RobotOptions
+from deploy.robot.options import DEFAULT_SCALE, RobotOptions
 from deploy.robot.slam import RobotSlam
 
 if TYPE_CHECKING:
@@ -227,10 +225,8 @@ def load_world(options: RobotOptions) -> GridMap:
     Raises:
         MapError: it cannot be used.
     """
-    path = Path(options.map).expanduser()
-    if path.suffix.lower() == ".png":
-        return load_png(path, options.metres_per_pixel)
-    return open_sources([options.map], options.metres_per_pixel, "exploration").world(options.seed)
+    scale = options.metres_per_pixel or recommended(options.map).metres_per_pixel or DEFAULT_SCALE
+    return open_sources([options.map], scale, "exploration").world(options.seed)
 
 
 def centred(world: GridMap) -> GridMap:

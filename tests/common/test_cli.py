@@ -27,3 +27,13 @@ def test_errors_are_one_line_and_a_non_zero_exit(error, code, words):
     assert result.exit_code == code
     assert words in result.stderr
     assert "Traceback" not in result.output
+
+
+def test_names_between_colons_stay_as_they_are(capsys) -> None:
+    @command_errors
+    def command() -> None:
+        raise ConfigError("generator:office: no such thing")
+
+    with pytest.raises(typer.Exit):
+        command()
+    assert "generator:office: no such thing" in capsys.readouterr().err

@@ -37,7 +37,8 @@ def large(
     task: Annotated[TaskChoice, typer.Option("--task", help="Exploration, or a tour.")] = TaskChoice.EXPLORATION,
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Number of worlds, from the first on.")] = 5,
     world: Annotated[
-        str, typer.Option("--world", metavar="SOURCE", help="generator:NAME[?key=value&...], or a folder of PNG maps.")
+        str,
+        typer.Option("--world", metavar="SOURCE", help="generator:NAME[?key=value&...], a folder or a file of maps."),
     ] = "generator:building",
     targets: Annotated[int, typer.Option("--targets", min=1, max=50, help="Targets of a tour.")] = 5,
     inflate: Annotated[
@@ -68,17 +69,19 @@ def large(
     """
     from actors.evaluation.large.runner import LargeEvaluation
     from actors.evaluation.large.settings import LIDAR, MAX_STEPS, LargeSettings
-    from common.config.load import load_config
+    from actors.evaluation.suited import suited_config
+    from actors.evaluation.worlds import WorldSet
 
     console = Console(stderr=True)
     setup_logging("warning", console=console if console.is_terminal else None)
     own = [f"simulator.{name}={value}" for name, value in LIDAR.items()]
     own += [f"task.max_steps={MAX_STEPS}", *(overrides or []), f"task.name={task.value}"]
-    run = load_config(config, own, os.environ)
+    suited = suited_config([world], config, own, os.environ)
+    run = suited.run
     settings = LargeSettings(
         maps=(world,),
         limit=seeds,
-        metres_per_pixel=run.maps.metres_per_pixel,
+        metres_per_pixel=WorldSet(suited.source, seeds).metres_per_pixel,
         task=run.task,
         mapping=run.mapping,
         simulator=run.simulator,

@@ -57,7 +57,7 @@ def make_generator(name: str, parameters: dict[str, str]) -> Generator:
 
 
 def warm_up() -> None:
-    """Compile all kernels of generators and map files, or load them from numba's cache, before processes start."""
+    """Compile all kernels of generators, or load them from numba's cache, before processes start."""
     for name in GENERATORS:
         make_generator(name, {"width": "192", "height": "192"}).world(0)
 

@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from actors.evaluation.cli import app
 from actors.evaluation.results import read_results
 from tests.actors.evaluation.small import MAPS
+from tests.actors.maps.ros_files import room, write_ros
 
 WHERE = ["--maps", MAPS, "--limit", "2"]
 
@@ -142,3 +143,27 @@ def test_a_signal_leaves_whole_results_and_no_process(tmp_path, number):
     # The same command goes on where it was.
     assert call("run", "--planner", "greedy", "--maps", MAPS, "--limit", "2", "--out", tmp_path).exit_code == 0
     assert len(read_results(tmp_path / "greedy.json").episodes) == 2
+
+
+def test_a_map_of_ones_own_is_explored_from_a_start_in_metres(tmp_path):
+    path = write_ros(tmp_path / "plan.yaml", room(240, 160), resolution=0.1, origin=[-5.0, -4.0, 0.0])
+    where = ["--maps", path, "--start", "-2.5", "3.0"]
+    out = tmp_path / "results"
+    result = call("run", "--planner", "nearest", *where, "--jobs", "1", "--out", out)
+    assert result.exit_code == 0, result.output
+    assert "settings of floorplans: mapping.resolution=0.1" in result.output and "warning" not in result.output
+    (episode,) = read_results(out / "nearest.json").episodes
+    assert episode.map == "plan.yaml?start=-2.5,3.0" and episode.success
+    # Pixels of the image: x right, y down, (0, 0) the centre of the top left one.
+    assert episode.waypoints[0] == pytest.approx((24.5, 89.5))
+    assert read_results(out / "nearest.json").metres_per_pixel == 0.1
+    result = call("replay", out, *where)
+    assert result.exit_code == 0 and "1 of 1 episodes agree" in result.output
+
+
+def test_a_limit_that_is_too_small_is_warned_of(tmp_path):
+    where = ["--maps", "generator:office", "--limit", "1", "--set", "task.max_steps=3"]
+    result = call("run", "--planner", "nearest", *where, "--jobs", "1", "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert "warning: 3 decisions are likely to be too few for 1 of 1 worlds looked at: office-0, " in result.output
+    assert "settings of" not in result.output

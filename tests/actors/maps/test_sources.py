@@ -5,7 +5,7 @@ import pytest
 
 from actors.maps.sources import (
     GENERATED_WORLDS,
-    FolderSource,
+    FileSource,
     GeneratorSource,
     MapSource,
     fixed_set,
@@ -92,7 +92,7 @@ def test_a_mixture_draws_evenly_whatever_the_sizes(tmp_path: Path) -> None:
 def test_a_fixed_set_is_spread_over_the_folder(tmp_path: Path) -> None:
     source = open_sources([str(folder_of(tmp_path / "maps", 10))], 0.25, "exploration")
     assert names(fixed_set(source, 4)) == ["img_0.png", "img_2.png", "img_5.png", "img_7.png"]
-    assert isinstance(source, FolderSource) and len(fixed_set(source, 99)) == 10
+    assert isinstance(source, FileSource) and len(fixed_set(source, 99)) == 10
 
 
 def test_wrong_sources_say_what_to_do(tmp_path: Path) -> None:
@@ -101,13 +101,16 @@ def test_wrong_sources_say_what_to_do(tmp_path: Path) -> None:
     no_target = tmp_path / "maps"
     no_target.mkdir()
     simple(no_target / "a.png", target=False)
+    (no_target / "a.txt").touch()
     single = tmp_path / "single"
     single.mkdir()
     in_train = next(f"{number}.png" for number in range(99) if not in_validation(f"{number}.png"))
     simple(single / in_train)
     for spec, task, message in (
         (str(tmp_path / "no"), "exploration", "no such folder: use a generator"),
-        (str(no_target / "a.png"), "exploration", "is a file, expected a folder"),
+        (str(no_target / "a.png"), "exploration", None),
+        (str(no_target / "a.txt"), "exploration", "is a file, expected a map"),
+        (f"{no_target / 'a.png'}#train", "exploration", "splits the maps of a folder, got one file"),
         (str(empty), "exploration", "holds no PNG maps"),
         (str(no_target), "navigation", "expected one target marker"),
         (f"{single}#test", "exploration", "unknown split 'test': choose #train or #validation"),

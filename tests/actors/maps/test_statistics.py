@@ -9,9 +9,9 @@ from typer.testing import CliRunner
 
 from actors.maps.__main__ import app
 from actors.maps.connectivity import label_regions
+from actors.maps.image_map import load_image
 from actors.maps.layout import build_map
 from actors.maps.paths import shortest_distance
-from actors.maps.png import load_png
 from actors.maps.sources import fixed_set, open_sources
 from actors.maps.statistics import distance, euler_characteristic, measure, measure_all, open_by_square
 
@@ -134,7 +134,7 @@ def test_commands(tmp_path: Path) -> None:
     small = "generator:rooms?width=192&height=192"
     written = runner.invoke(app, ["write", small, "--out", str(tmp_path / "maps"), "--count", "6"])
     assert written.exit_code == 0, written.output
-    assert load_png(tmp_path / "maps" / "5.png", require_target=True).size == (48.0, 48.0)
+    assert load_image(tmp_path / "maps" / "5.png", require_target=True).size == (48.0, 48.0)
     sheet = tmp_path / "sheet.png"
     assert runner.invoke(app, ["show", str(tmp_path / "maps"), "--out", str(sheet)]).exit_code == 0
     assert sheet.stat().st_size > 200

@@ -1,11 +1,12 @@
 """The mapping from scratch, slow and obvious: every step is computed from the definition, over all cells and pairs.
 
-Cells are (row, column) numbers from the anchor and live in a dictionary; viewpoints are lattice numbers (i, j). Points
-are in 1/65536 cells from the anchor, as the mapping defines them.
+Cells are (row, column) numbers from the anchor and live in a dictionary; squares are lattice numbers (i, j). Points are
+in 1/65536 cells from the anchor, as the mapping defines them.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from functools import lru_cache
 from math import ceil, cos, floor, hypot, inf, isnan, pi, sin, sqrt
 
@@ -13,13 +14,54 @@ import numpy as np
 
 from common.config.schema import MappingConfig
 from common.geometry import Pose, Scan
-from common.observation import NEIGHBOUR_OFFSETS, Observation
 
 UNIT = 65536
 FREE, OCCUPIED = 0, 100
 TOLERANCE = 1e-3
 Cell = tuple[int, int]
 Point = tuple[int, int]
+Square = tuple[int, int]
+
+
+@dataclass(eq=False)
+class Piece:
+    """One connected part of the clear space inside a square."""
+
+    square: Square
+    cells: set[Cell]
+    place: Point
+    centred: bool
+    waits: bool
+    visited: bool = False
+    touching: list[Piece] = field(default_factory=list)
+
+    @property
+    def order(self) -> tuple[int, int, Cell]:
+        """Node numbers follow this."""
+        return self.square[1], self.square[0], min(self.cells)
+
+
+def middle(cell: Cell) -> Point:
+    return cell[1] * UNIT + UNIT // 2, cell[0] * UNIT + UNIT // 2
+
+
+def cell_of(point: Point) -> Cell:
+    return point[1] // UNIT, point[0] // UNIT
+
+
+def beside(cell: Cell) -> list[Cell]:
+    row, column = cell
+    return [(row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)]
+
+
+def flood(start: Cell, cells: set[Cell]) -> set[Cell]:
+    """All cells that steps over common sides reach."""
+    found, stack = {start}, [start]
+    while stack:
+        new = [cell for cell in beside(stack.pop()) if cell in cells and cell not in found]
+        found.update(new)
+        stack += new
+    return found
 
 
 @lru_cache(maxsize=200_000)
@@ -52,7 +94,8 @@ class ReferenceMapper:
         self.anchor = anchor
         self.target = target
         self.cells: dict[Cell, int] = {}
-        self.visited: set[tuple[int, int]] = set()
+        # Cells at whose viewpoints the robot has been.
+        self.been: set[Cell] = set()
         self._sight: dict[tuple[Point, Point], bool] = {}
 
     def point(self, position: tuple[float, float]) -> Point:
@@ -61,15 +104,9 @@ class ReferenceMapper:
             round((position[1] - self.anchor[1]) / self.config.resolution * UNIT),
         )
 
-    def lattice_point(self, viewpoint: tuple[int, int]) -> Point:
-        return self.point(self.lattice_position(viewpoint))
-
-    def lattice_position(self, viewpoint: tuple[int, int]) -> tuple[float, float]:
+    def lattice_point(self, square: Square) -> Point:
         spacing = self.config.viewpoint_spacing
-        return (
-            self.lattice_origin[0] + spacing * viewpoint[0],
-            self.lattice_origin[1] + spacing * viewpoint[1],
-        )
+        return self.point((self.lattice_origin[0] + spacing * square[0], self.lattice_origin[1] + spacing * square[1]))
 
     # ------------------------------------------------------------------------------------------------------- belief
 
@@ -135,7 +172,7 @@ class ReferenceMapper:
     def free(self, cell: Cell) -> bool:
         return self.cells.get(cell) == FREE
 
-    # -------------------------------------------------------------------------------------------------------- graph
+    # -------------------------------------------------------------------------------------------------- clear space
 
     def frontiers(self) -> list[Cell]:
         return sorted(
@@ -145,31 +182,67 @@ class ReferenceMapper:
             and sum((row + up, column + right) not in self.cells for up in (-1, 0, 1) for right in (-1, 0, 1)) >= 2
         )
 
-    def clear(self, a: Point, b: Point) -> bool:
+    def clear_cells(self, inside: float) -> set[Cell]:
+        """Free cells that no cell that is not free comes nearer to than the radius.
+
+        Distances are those to the nearest point of the other cell: from the middle when ``inside`` is 0.5, from the
+        nearest point of the cell itself when it is 1.
+        """
+        radius = self.config.robot_radius / self.config.resolution
+        span = range(-ceil(radius) - 1, ceil(radius) + 2)
+        near = [
+            (up, right)
+            for up in span
+            for right in span
+            if (up, right) == (0, 0) or hypot(max(abs(up) - inside, 0), max(abs(right) - inside, 0)) < radius - 1e-9
+        ]
+        return {
+            (row, column)
+            for (row, column), value in self.cells.items()
+            if value == FREE and all(self.free((row + up, column + right)) for up, right in near)
+        }
+
+    def square_of(self, cell: Cell) -> Square:
+        x, y = middle(cell)
+        return self._nearest(x, 0), self._nearest(y, 1)
+
+    def _nearest(self, value: int, axis: int) -> int:
+        """Number of the nearest lattice point along an axis, the higher of two equally near ones."""
+        step = self.config.viewpoint_spacing / self.config.resolution * UNIT
+        guess = floor((value - self.lattice_point((0, 0))[axis]) / step)
+        return min(range(guess - 1, guess + 3), key=lambda k: (abs(self.lattice_point((k, k))[axis] - value), -k))
+
+    def cells_of(self, square: Square) -> list[Cell]:
+        x, y = self.lattice_point(square)
+        side = ceil(self.config.viewpoint_spacing / self.config.resolution) + 1
+        return [
+            (row, column)
+            for row in range(y // UNIT - side, y // UNIT + side + 1)
+            for column in range(x // UNIT - side, x // UNIT + side + 1)
+            if self.square_of((row, column)) == square
+        ]
+
+    def margin(self, cell: Cell) -> int:
+        """How many steps, king's moves, away space is blocked, at most half a metre's."""
+        most = max(round(0.5 / self.config.resolution), 1)
+        row, column = cell
+        for steps in range(most):
+            if any(
+                (row + up, column + right) not in self.passable
+                for up in range(-steps, steps + 1)
+                for right in range(-steps, steps + 1)
+            ):
+                return steps
+        return most
+
+    def sees(self, a: Point, b: Point) -> bool:
+        """Whether all cells that a segment touches are known to be free."""
         if (a, b) not in self._sight:
             self._sight[a, b] = all(self.free(cell) for cell in touched_cells(a, b))
         return self._sight[a, b]
 
-    def viewpoints(self) -> list[tuple[int, int]]:
-        """(i, j) of all lattice points in free cells, row-major."""
-        spacing, resolution = self.config.viewpoint_spacing, self.config.resolution
-        if not self.cells:
-            return []
-        rows = [row for row, _ in self.cells]
-        columns = [column for _, column in self.cells]
-        ranges = []
-        for axis, numbers in ((0, columns), (1, rows)):
-            shift = self.anchor[axis] - self.lattice_origin[axis]
-            low = (min(numbers) * resolution + shift) / spacing
-            high = ((max(numbers) + 1) * resolution + shift) / spacing
-            ranges.append(range(floor(low) - 1, ceil(high) + 2))
-        found = []
-        for j in ranges[1]:
-            for i in ranges[0]:
-                x, y = self.lattice_point((i, j))
-                if self.free((y // UNIT, x // UNIT)):
-                    found.append((i, j))
-        return found
+    def drivable(self, a: Point, b: Point) -> bool:
+        return all(cell in self.wide for cell in touched_cells(a, b))
 
     def distance(self, a: Point, b: Point) -> float:
         return sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2) / UNIT * self.config.resolution
@@ -178,126 +251,160 @@ class ReferenceMapper:
         reach = round(limit / self.config.resolution * UNIT)
         return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 <= reach**2
 
+    # ------------------------------------------------------------------------------------------------------- pieces
+
+    def _find_pieces(self) -> list[Piece]:
+        squares: dict[Square, set[Cell]] = {}
+        for cell in self.passable:
+            squares.setdefault(self.square_of(cell), set()).add(cell)
+        pieces = []
+        for square, cells in squares.items():
+            known = [self.cells.get(cell) for cell in self.cells_of(square)]
+            settled = OCCUPIED in known or None not in known
+            centre = self.lattice_point(square)
+            left = set(cells)
+            while left:
+                part = flood(min(left), left)
+                left -= part
+                centred = cell_of(centre) in part and self.drivable(centre, centre)
+                place = centre if centred else self._best_place(part, centre)
+                pieces.append(Piece(square, part, place, centred, not settled and not centred))
+        pieces.sort(key=lambda piece: piece.order)
+        self.piece_at = {cell: piece for piece in pieces for cell in piece.cells}
+        for piece in pieces:
+            piece.visited = not self.been.isdisjoint(piece.cells)
+            others = {self.piece_at.get(there) for cell in piece.cells for there in beside(cell)}
+            piece.touching = [other for other in others if other not in (None, piece)]
+        return pieces
+
+    def _best_place(self, cells: set[Cell], centre: Point) -> Point:
+        """Most space around, then nearest to the centre, then the first."""
+
+        def rank(cell: Cell) -> tuple[int, int, Cell]:
+            x, y = middle(cell)
+            return -self.margin(cell), (x - centre[0]) ** 2 + (y - centre[1]) ** 2, cell
+
+        return middle(min(cells, key=rank))
+
+    def piece_of(self, point: Point) -> Piece | None:
+        """The piece that holds a point, else that of the nearest clear cell in sight half a metre beyond the radius."""
+        cell = cell_of(point)
+        if cell in self.piece_at:
+            return self.piece_at[cell]
+        reach = ceil((self.config.robot_radius + 0.5) / self.config.resolution)
+        rows, columns = (range(number - reach, number + reach + 1) for number in cell)
+        found = [
+            ((x - point[0]) ** 2 + (y - point[1]) ** 2, there)
+            for there in ((row, column) for row in rows for column in columns)
+            for x, y in [middle(there)]
+            if there in self.passable and self.sees(point, (x, y))
+        ]
+        return self.piece_at[min(found)[1]] if found else None
+
     # -------------------------------------------------------------------------------------------------- observation
 
     def update(self, pose: Pose) -> None:
-        """Compute everything anew; results are attributes and the observation (None when stuck)."""
+        """Compute everything anew; results are attributes, those of the graph only when the robot is in it."""
         self._sight.clear()
-        config = self.config
-        viewpoints = self.viewpoints()
-        points = {v: self.lattice_point(v) for v in viewpoints}
-        self.all_viewpoints = viewpoints
-        self.all_edges = {
-            v: sum(
-                1 << k
-                for k, (dx, dy) in enumerate(NEIGHBOUR_OFFSETS.tolist())
-                if (v[0] + dx, v[1] + dy) in points and self.clear(points[v], points[v[0] + dx, v[1] + dy])
-            )
-            for v in viewpoints
-        }
+        self.passable, self.wide = self.clear_cells(0.5), self.clear_cells(1.0)
         self.all_frontiers = self.frontiers()
-        centres = [(column * UNIT + UNIT // 2, row * UNIT + UNIT // 2) for row, column in self.all_frontiers]
-        self.all_counts = {
-            v: sum(self.within(points[v], f, config.observable_range) and self.clear(points[v], f) for f in centres)
-            for v in viewpoints
-        }
-        self.observation: Observation | None = None
-        robot = self._robot_node(pose, points)
-        self.robot = robot
-        if robot is None:
-            return
-        if self.distance(points[robot], self.point(pose.position)) <= config.viewpoint_spacing / 2 + 1e-9:
-            self.visited.add(robot)
-        nodes = self._reachable(robot)
-        self.nodes = nodes
-        enough = max((self.all_counts[v] for v in nodes), default=0) >= config.min_utility
-        threshold = config.min_utility if enough else min(config.least_utility, config.min_utility)
-        utility = [self.all_counts[v] if self.all_counts[v] >= threshold else 0 for v in nodes]
-        beacon = self._beacons(nodes, utility, points)
-        has_target = self.target is not None
-        links: list[int] = []
-        known = False
-        target_offset = (0.0, 0.0)
-        if self.target is not None:
-            goal = self.point(self.target)
-            at = self.lattice_position(robot)
-            target_offset = tuple((self.target[k] - at[k]) / config.viewpoint_spacing for k in (0, 1))
-            reach = sqrt(5) * config.viewpoint_spacing + 1e-4 * config.resolution
-            far = {n: self.distance(points[v], goal) for n, v in enumerate(nodes)}
-            near = [n for n, v in enumerate(nodes) if far[n] <= reach and self.clear(goal, points[v])]
-            known = bool(near) and self.free((goal[1] // UNIT, goal[0] // UNIT))
-            choice = near if known else [n for n in range(len(nodes)) if beacon[n]]
-            links = sorted(sorted(choice, key=lambda n: (far[n], n))[:20])
-        self.observation = Observation(
-            offsets=np.array([(i - robot[0], j - robot[1]) for i, j in nodes], dtype=np.int16),
-            utility=np.array(utility, dtype=np.uint16),
-            visited=np.array([v in self.visited for v in nodes]),
-            beacon=np.array(beacon),
-            edges=np.array([self.all_edges[v] for v in nodes], dtype=np.uint32),
-            robot=nodes.index(robot),
-            has_target=has_target,
-            target_known=known,
-            target_offset=np.array(target_offset, dtype=np.float32),
-            target_links=np.array(links, dtype=np.uint16),
-        )
-
-    def _robot_node(self, pose: Pose, points: dict[tuple[int, int], Point]) -> tuple[int, int] | None:
+        self.pieces = self._find_pieces()
         here = self.point(pose.position)
-        cell = (here[0] // UNIT, here[1] // UNIT)
-        choices = [
-            (self.all_edges[v] == 0, (p[0] - here[0]) ** 2 + (p[1] - here[1]) ** 2, v[1], v[0])
-            for v, p in points.items()
-            if self.within(p, here, 3 * self.config.viewpoint_spacing)
-            and ((p[0] // UNIT, p[1] // UNIT) == cell or self.clear(here, p))
+        self.robot = self.piece_of(here)
+        if self.robot is not None and (
+            not self.robot.visited and self.distance(self.robot.place, here) <= self.config.viewpoint_spacing / 2 + 1e-9
+        ):
+            self.robot.visited = True
+            self.been.add(cell_of(self.robot.place))
+        self.needed = [
+            piece
+            for piece in self.pieces
+            if not piece.waits or piece.visited or piece is self.robot or any(p.visited for p in piece.touching)
         ]
-        if not choices:
-            return None
-        _, _, j, i = min(choices)
-        return i, j
+        self._count(self.needed)
+        self.needed_counts = self.counts
+        if self.robot is None:
+            return
+        self._connect(self.needed)
+        self.everywhere = not any(
+            self.counts[piece] >= self.config.least_utility and not piece.visited for piece in self.nodes
+        )
+        if self.everywhere:
+            self._count(self.pieces)
+            self._connect(self.pieces)
+        self._observe()
 
-    def _reachable(self, robot: tuple[int, int]) -> list[tuple[int, int]]:
-        found = {robot}
-        queue = [robot]
-        for v in queue:
-            for k, (dx, dy) in enumerate(NEIGHBOUR_OFFSETS.tolist()):
-                there = (v[0] + dx, v[1] + dy)
-                if self.all_edges[v] >> k & 1 and there not in found:
-                    found.add(there)
-                    queue.append(there)
-        return sorted(found, key=lambda v: (v[1], v[0]))
+    def _count(self, viewpoints: list[Piece]) -> None:
+        """The frontiers that viewpoints observe."""
+        centres = [middle(cell) for cell in self.all_frontiers]
+        reach = self.config.observable_range
+        self.counts = {
+            piece: sum(self.within(piece.place, f, reach) and self.sees(piece.place, f) for f in centres)
+            for piece in viewpoints
+        }
 
-    def _beacons(
-        self, nodes: list[tuple[int, int]], utility: list[int], points: dict[tuple[int, int], Point]
-    ) -> list[bool]:
+    def _connect(self, viewpoints: list[Piece]) -> None:
+        """Straight edges and bent ones of some viewpoints, and those that they connect with the robot's."""
+        longest = sqrt(5) * self.config.viewpoint_spacing + 1e-4 * self.config.resolution
+        self.straight = {
+            (a, b)
+            for a in viewpoints
+            for b in viewpoints
+            if a is not b
+            and max(abs(a.square[k] - b.square[k]) for k in (0, 1)) <= 2
+            and self.distance(a.place, b.place) <= longest
+            and self.drivable(a.place, b.place)
+        }
+        chosen = set(viewpoints)
+        self.bent = {(a, b) for a in viewpoints for b in a.touching if b in chosen and (a, b) not in self.straight}
+        neighbours: dict[Piece, list[Piece]] = {}
+        for a, b in self.straight | self.bent:
+            neighbours.setdefault(a, []).append(b)
+        assert self.robot is not None
+        found, stack = {self.robot}, [self.robot]
+        while stack:
+            new = [piece for piece in neighbours.get(stack.pop(), []) if piece not in found]
+            found.update(new)
+            stack += new
+        self.nodes = sorted(found, key=lambda piece: piece.order)
+
+    def _observe(self) -> None:
+        config, nodes = self.config, self.nodes
+        counts = [self.counts[piece] for piece in nodes]
+        threshold = config.min_utility if max(counts) >= config.min_utility else config.least_utility
+        self.utility = [count if count >= min(threshold, config.min_utility) else 0 for count in counts]
+        self.beacon = self._beacons()
+        self.links: list[int] = []
+        self.target_known = False
+        if self.target is None:
+            return
+        goal = self.point(self.target)
+        far = [(self.distance(piece.place, goal), n) for n, piece in enumerate(nodes)]
+        choice: list[int] = []
+        if self.free(cell_of(goal)):
+            reach = sqrt(5) * config.viewpoint_spacing + 1e-4 * config.resolution
+            choice = [n for d, n in far if d <= reach and self.drivable(goal, nodes[n].place)]
+            if not choice:
+                piece = self.piece_of(goal)
+                choice = [nodes.index(piece)] if piece in nodes else []
+        self.target_known = bool(choice)
+        choice = choice or [n for n in range(len(nodes)) if self.beacon[n]]
+        self.links = sorted(sorted(choice, key=lambda n: far[n])[:20])
+
+    def _beacons(self) -> list[bool]:
         """Algorithm 1."""
-        covered: set[tuple[int, int]] = set()
+        covered: set[Piece] = set()
         beacons = set()
-        for v, useful in zip(nodes, utility, strict=True):
-            if not useful or v in covered:
+        for piece, useful in zip(self.nodes, self.utility, strict=True):
+            if not useful or piece in covered:
                 continue
-            beacons.add(v)
-            for u in nodes:
-                if self.within(points[v], points[u], self.config.beacon_range) and self.clear(points[v], points[u]):
-                    covered.add(u)
-        return [v in beacons for v in nodes]
-
-    def distances(self, source: int) -> list[float]:
-        """Bellman and Ford's way: relax all edges until nothing changes."""
-        number = {v: n for n, v in enumerate(self.nodes)}
-        best = [inf] * len(self.nodes)
-        best[source] = 0.0
-        changed = True
-        while changed:
-            changed = False
-            for v in self.nodes:
-                for k, (dx, dy) in enumerate(NEIGHBOUR_OFFSETS.tolist()):
-                    if self.all_edges[v] >> k & 1:
-                        there = number[v[0] + dx, v[1] + dy]
-                        length = best[number[v]] + hypot(dx, dy) * self.config.viewpoint_spacing
-                        if length < best[there] - 1e-12:
-                            best[there] = length
-                            changed = True
-        return best
+            beacons.add(piece)
+            for other in self.nodes:
+                if self.within(piece.place, other.place, self.config.beacon_range) and self.sees(
+                    piece.place, other.place
+                ):
+                    covered.add(other)
+        return [piece in beacons for piece in self.nodes]
 
 
 def march(free: np.ndarray, resolution: float, pose: Pose, angle: float, range_max: float) -> float:

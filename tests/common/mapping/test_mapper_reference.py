@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -10,7 +12,8 @@ from hypothesis import strategies as st
 from common.config.schema import MappingConfig
 from common.geometry import Pose, Scan
 from common.mapping.mapper import Mapper
-from tests.common.mapping.reference import ReferenceMapper
+from common.observation import STEP_UNITS
+from tests.common.mapping.reference import UNIT, ReferenceMapper, flood
 from tests.common.mapping.worlds import random_world, scan_of
 
 SETTINGS = settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
@@ -32,31 +35,89 @@ def assert_same(mapper: Mapper, reference: ReferenceMapper) -> None:
     assert list(zip((rows + first_row).tolist(), (columns + first_column).tolist(), strict=True)) == (
         reference.all_frontiers
     )
+    # Viewpoints that exist not only because nothing else is left, and what they observe, reachable or not.
     graph = mapper._graph
-    i, j = graph.first
-    rows, columns = np.nonzero(graph.exists)
-    viewpoints = [(int(c) + i, int(r) + j) for r, c in zip(rows, columns, strict=True)]
-    assert viewpoints == reference.all_viewpoints
-    edges = {v: int(graph.edges[v[1] - j, v[0] - i]) for v in viewpoints}
-    assert edges == reference.all_edges
-    assert not graph.edges[~graph.exists].any()
-    counts = {v: int(mapper._utility.counts[v[1] - j, v[0] - i]) for v in viewpoints}
-    assert counts == reference.all_counts
-    assert not mapper._utility.counts[~graph.exists].any()
+    pieces = graph.pieces
+    needed = np.flatnonzero(pieces["exists"] & ~pieces["spare"])
+    shift = np.array([first_column - 1, first_row - 1]) * UNIT
+    places = np.stack([pieces["x"], pieces["y"]], axis=1) + shift
+    counts = {tuple(places[k].tolist()): int(mapper._utility.counts[k]) for k in needed}
+    assert counts == {piece.place: reference.needed_counts[piece] for piece in reference.needed}
 
-    expected = reference.observation
-    assert mapper.stuck == (expected is None)
-    if expected is None:
+    assert mapper.stuck == (reference.robot is None)
+    if reference.robot is None:
         return
+    nodes = reference.nodes
+    n = len(nodes)
+    number = {piece: k for k, piece in enumerate(nodes)}
+    assert [tuple(p) for p in places[mapper._order].tolist()] == [piece.place for piece in nodes]
     observation = mapper.observe()
-    for name in ("offsets", "utility", "visited", "beacon", "edges", "target_offset", "target_links"):
-        got, want = getattr(observation, name), getattr(expected, name)
-        assert got.dtype == want.dtype, name
-        np.testing.assert_array_equal(got, want, err_msg=name)
-    for name in ("robot", "has_target", "target_known"):
-        assert getattr(observation, name) == getattr(expected, name), name
-    distances = mapper.distances(observation.robot)[: observation.viewpoints]
-    np.testing.assert_allclose(distances, reference.distances(observation.robot))
+    assert observation.robot == mapper.robot == number[reference.robot]
+    assert observation.utility.tolist() == reference.utility
+    assert observation.visited.tolist() == [piece.visited for piece in nodes]
+    assert observation.beacon.tolist() == reference.beacon
+    assert observation.has_target == (reference.target is not None)
+    assert observation.target_known == reference.target_known
+    assert observation.target_links.tolist() == reference.links
+    spacing, resolution = mapper._config.viewpoint_spacing, mapper._config.resolution
+    positions = np.array([piece.place for piece in nodes]) / UNIT * resolution + reference.anchor
+    np.testing.assert_allclose(mapper.viewpoints, positions, atol=1e-4 * resolution)
+    robot = positions[mapper.robot]
+    # Offsets are rounded on the lattice, each at its own end.
+    np.testing.assert_allclose(observation.offsets / STEP_UNITS, (positions - robot) / spacing, atol=1.01 / STEP_UNITS)
+    if reference.target is not None:
+        np.testing.assert_allclose(
+            observation.target_offset, (reference.target - robot) / spacing, rtol=1e-4, atol=1e-4
+        )
+
+    edges = mapper.adjacency
+    starts = np.repeat(np.arange(n), np.diff(edges.pointer))
+    pairs = list(zip(starts.tolist(), edges.neighbours.tolist(), strict=True))
+    for kind, wanted in ((False, reference.straight), (True, reference.bent)):
+        expected = {(number[a], number[b]) for a, b in wanted if a in number and b in number}
+        got = [pair for pair, bent in zip(pairs, edges.bent, strict=True) if bent == kind]
+        assert len(got) == len(set(got))
+        assert set(got) == expected
+    straight = np.hypot(*(positions[edges.neighbours] - positions[starts]).T)
+    np.testing.assert_allclose(edges.lengths[~edges.bent], straight[~edges.bent], atol=1e-4 * resolution)
+    assert (edges.lengths[edges.bent] >= straight[edges.bent] - 1e-4 * resolution).all()
+    # The observation lists the same edges.
+    lower = np.repeat(np.arange(n), observation.degree)
+    listed = list(zip(lower.tolist(), observation.neighbours.tolist(), strict=True))
+    assert listed == [pair for pair in pairs if pair[0] < pair[1]]
+    np.testing.assert_array_equal(observation.bent, np.flatnonzero(edges.bent[starts < edges.neighbours]))
+    np.testing.assert_allclose(
+        observation.bent_length * spacing, edges.lengths[edges.bent & (starts < edges.neighbours)], rtol=1e-6
+    )
+    np.testing.assert_allclose(
+        mapper.distances(mapper.robot)[:n], relax(n, pairs, edges.lengths.tolist(), mapper.robot)
+    )
+    assert_reaches_what_can_be_reached(mapper, reference)
+
+
+def assert_reaches_what_can_be_reached(mapper: Mapper, reference: ReferenceMapper) -> None:
+    """The nodes are the pieces that the inflated grid connects with the robot, but for those that wait."""
+    assert reference.robot is not None
+    connected = flood(min(reference.robot.cells), reference.passable)
+    pieces = [piece for piece in reference.pieces if piece.cells <= connected]
+    if mapper._everywhere:
+        assert reference.nodes == pieces
+    else:
+        assert set(reference.nodes) <= set(pieces)
+
+
+def relax(n: int, pairs: list[tuple[int, int]], lengths: list[float], source: int) -> list[float]:
+    """Bellman and Ford's way: relax all edges until nothing changes."""
+    best = [inf] * n
+    best[source] = 0.0
+    changed = True
+    while changed:
+        changed = False
+        for (a, b), length in zip(pairs, lengths, strict=True):
+            if best[a] + length < best[b] - 1e-12:
+                best[b] = best[a] + length
+                changed = True
+    return best
 
 
 def random_scan(rng: np.random.Generator, free: np.ndarray, resolution: float, pose: Pose, origin) -> Scan:
@@ -81,10 +142,11 @@ def random_scan(rng: np.random.Generator, free: np.ndarray, resolution: float, p
     with_target=st.booleans(),
     aligned=st.booleans(),
     origin=st.sampled_from([(0.0, 0.0), (-7.5, -3.25), (100.0, -0.5)]),
+    radius=st.sampled_from([0.0, 0.1, 0.25, 0.4]),
     steps=st.integers(1, 6),
 )
 def test_equals_the_reference_after_every_step(
-    seed, resolution, spacing, with_bounds, with_target, aligned, origin, steps
+    seed, resolution, spacing, radius, with_bounds, with_target, aligned, origin, steps
 ):
     rng = np.random.default_rng(seed)
     rows, columns = int(rng.integers(12, 36)), int(rng.integers(12, 36))
@@ -99,6 +161,7 @@ def test_equals_the_reference_after_every_step(
         resolution=resolution,
         sensor_range=6.0,
         viewpoint_spacing=spacing,
+        robot_radius=radius,
         utility_range=float(rng.choice([2.5, 6.0])),
         beacon_range=float(rng.choice([3.0, 20.0])),
         min_utility=int(rng.choice([1, 2, 3, 12])),
@@ -140,11 +203,22 @@ def pose_in(mapper: Mapper, rng: np.random.Generator, fallback: tuple[float, flo
 
 
 @settings(SETTINGS, max_examples=15)
-@given(seed=st.integers(0, 2**32 - 1), resolution=st.sampled_from([0.25, 0.5]), steps=st.integers(1, 8))
-def test_follows_any_change_of_any_cell(seed, resolution, steps):
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    resolution=st.sampled_from([0.25, 0.5]),
+    radius=st.sampled_from([0.0, 0.1, 0.25, 0.4]),
+    steps=st.integers(1, 8),
+)
+def test_follows_any_change_of_any_cell(seed, resolution, radius, steps):
     """Cells may become free, occupied or unknown again, as when the robot's own SLAM closes a loop."""
     rng = np.random.default_rng(seed)
-    config = MappingConfig(resolution=resolution, sensor_range=5.0, viewpoint_spacing=4 * resolution, beacon_range=4.0)
+    config = MappingConfig(
+        resolution=resolution,
+        sensor_range=5.0,
+        viewpoint_spacing=4 * resolution,
+        robot_radius=radius,
+        beacon_range=4.0,
+    )
     mapper = Mapper(config, lattice_origin=(0.0, 0.0), target=(3.0, 3.0))
     reference = ReferenceMapper(config, (0.0, 0.0), (0.0, 0.0), (3.0, 3.0))
     for step in range(steps):

@@ -6,8 +6,13 @@ from typer.testing import CliRunner
 from common.errors import ConfigError
 from deploy.cli import app
 from deploy.config import DeployConfig
-from deploy.robot.cli import ENDPOINT, checked_options, robot_config
-from deploy.robot.options import RobotOptions
+from deploy.profiles import load_deploy_config
+from deploy.robot.cli import ENDPOINT, checked_options, placed, robot_config, suited_settings
+from deploy.robot.options import DEFAULT_SCALE, RobotOptions
+from deploy.robot.simulation import load_world
+from deploy.robot.trial import robot_arguments
+from tests.actors.maps.images import simple
+from tests.actors.maps.ros_files import write_ros
 
 runner = CliRunner()
 
@@ -61,3 +66,35 @@ def test_without_pybullet_the_command_says_what_to_install(monkeypatch):
 
 def test_defaults_of_the_command_are_those_of_the_options():
     assert checked_options({}) == RobotOptions()
+
+
+def test_a_start_goes_into_the_map_and_a_set_into_the_settings(tmp_path):
+    path = write_ros(tmp_path / "plan.yaml")
+    world = placed(str(path), (1.5, 1.0), None)
+    assert load_world(RobotOptions(map=world)).start == (1.5, 1.0)
+    assert robot_arguments(RobotOptions(map=world)) == ["--map", f"{path}?start=1.5,1.0"]
+    assert placed("generator:office", None, None) == "generator:office"
+    assert "mapping.viewpoint_spacing=4.0" in suited_settings(world)
+    assert suited_settings("generator:office") == []
+    config = load_deploy_config(overrides=[*suited_settings(world), "mapping.viewpoint_spacing=2"])
+    assert (config.mapping.resolution, config.mapping.viewpoint_spacing) == (0.1, 2.0)
+
+
+def test_the_scale_is_given_or_the_sets_or_the_robots_own(tmp_path):
+    simple(tmp_path / "a.png")
+    path = str(tmp_path / "a.png")
+    assert load_world(RobotOptions(map=path)).resolution == DEFAULT_SCALE
+    assert load_world(RobotOptions(map=f"floorplans:{path}")).resolution == 0.1
+    assert load_world(RobotOptions(map=f"floorplans:{path}", metres_per_pixel=0.3)).resolution == 0.3
+    assert load_world(RobotOptions()).resolution == DEFAULT_SCALE
+
+
+def test_a_negative_start_is_an_option_with_two_values(tmp_path):
+    pytest.importorskip("pybullet", reason="PyBullet is not installed")
+    path = write_ros(tmp_path / "plan.yaml", origin=[-5.0, -5.0, 0.0])
+    result = runner.invoke(app, ["robot", "--map", str(path), "--start", "-9.5", "-4"])
+    assert result.exit_code == 1
+    assert "the start (-9.50, -4.00) is outside the map" in result.output
+    result = runner.invoke(app, ["demo", "--map", "generator:office", "--start", "1", "2"])
+    assert result.exit_code == 1
+    assert "--start expect one map file, got generator:office" in result.output

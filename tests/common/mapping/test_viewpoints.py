@@ -1,0 +1,45 @@
+"""Where viewpoints are, in worlds small enough to check by eye."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from common.geometry import Pose
+from common.mapping.mapper import Mapper
+from tests.common.mapping.worlds import small_config
+
+
+def test_a_viewpoint_beside_its_lattice_point_keeps_away_from_a_wall_in_the_next_square():
+    # Squares of 8 cells; the lower right quarter of the left one is free, and so is what lies right of it.
+    mapper = Mapper(small_config(viewpoint_spacing=4.0, resolution=0.25), lattice_origin=(2.0, 2.0))
+    cells = np.full((16, 32), 100, dtype=np.int8)
+    cells[1:7, 14:24] = 0
+    mapper.belief.assign(cells, (0.0, 0.0))
+    mapper.update(Pose(3.9, 1.0))
+    assert mapper.position(mapper.robot) == (3.875, 1.375)
+    cells[1:7, 16] = 100
+    mapper.belief.assign(cells[1:7, 16:17], (4.0, 0.25))
+    mapper.update(Pose(3.9, 1.0))
+    assert mapper.position(mapper.robot) == (3.625, 1.625)
+
+
+def test_a_first_look_far_from_an_empty_belief_grows_it():
+    mapper = Mapper(small_config(), lattice_origin=(1.0, 1.0))
+    mapper.update(Pose(40.0, 40.0))
+    assert mapper.stuck
+    mapper.belief.assign(np.zeros((20, 20), dtype=np.int8), (35.0, 35.0))
+    mapper.update(Pose(40.0, 40.0))
+    assert not mapper.stuck
+
+
+def test_a_square_that_the_grid_cuts_off_is_only_partly_known():
+    # Cells up to x = 4.5: the third column of squares begins at 4 m, its lattice points lie at 5 m.
+    plain = small_config(viewpoint_spacing=2.0, resolution=0.5)
+    cells = np.zeros((12, 9), dtype=np.int8)
+    small, large = (Mapper(plain, lattice_origin=(1.0, 1.0)) for _ in range(2))
+    small.belief.assign(cells, (0.0, 0.0))
+    large.belief.assign(np.pad(cells, ((0, 0), (0, 5)), constant_values=-1), (0.0, 0.0))
+    for mapper in (small, large):
+        mapper.update(Pose(1.0, 1.0))
+        # The strip right of x = 4 does not hold its lattice points and may become more.
+        assert sorted(set(mapper.viewpoints[:, 0].tolist())) == [1.0, 3.0]

@@ -1,0 +1,50 @@
+"""The facts that the hand-made plans claim, by a slow and obvious count."""
+
+import numpy as np
+import pytest
+
+from actors.maps.connectivity import reachable
+from tests.plans import RADIUS, RESOLUTION, SPACING, all_plans, diagonal_corridor, office_floor
+
+PLANS = all_plans()
+
+
+def clear_cells(free, radius):
+    """Cells whose centre is at least a radius from the nearest point of any cell that is not free."""
+    reach = int(np.ceil(radius / RESOLUTION)) + 1
+    padded = np.pad(free, reach)
+    clear = free.copy()
+    for i in range(-reach, reach + 1):
+        for j in range(-reach, reach + 1):
+            gap = np.hypot(max(abs(i) - 0.5, 0.0), max(abs(j) - 0.5, 0.0)) * RESOLUTION
+            if gap < radius - 1e-9:
+                rows, columns = free.shape
+                clear &= padded[reach + i : reach + i + rows, reach + j : reach + j + columns]
+    return clear
+
+
+@pytest.mark.parametrize("plan", PLANS, ids=lambda plan: plan.world.name)
+def test_rooms_are_reachable_as_claimed(plan):
+    world = plan.world
+    for mask, names in (
+        (clear_cells(world.free, RADIUS), plan.reachable),
+        (world.free, plan.free_reachable),
+    ):
+        region = reachable(mask, world.cell(world.start))
+        assert {name for name, place in plan.rooms.items() if region[world.cell(place)]} == names
+    assert all(world.is_free(place) for place in plan.rooms.values())
+    assert not (world.free[0].any() or world.free[-1].any() or world.free[:, 0].any() or world.free[:, -1].any())
+
+
+def test_a_wider_robot_does_not_pass_the_narrowest_door():
+    plan = office_floor()
+    region = reachable(clear_cells(plan.world.free, 0.41), plan.world.cell(plan.world.start))
+    assert not region[plan.world.cell(plan.rooms["north west"])]
+    assert region[plan.world.cell(plan.rooms["north"])]
+
+
+def test_the_diagonal_corridor_holds_no_point_of_the_lattice():
+    world = diagonal_corridor().world
+    lattice = np.array([(i, j) for i in range(9) for j in range(9)]) * SPACING + world.lattice_origin
+    inside = [point for point in lattice if world.is_free(tuple(point))]
+    assert inside and all(max(point) < 8.5 or min(point) > 27.5 for point in inside)
