@@ -16,7 +16,7 @@ from deploy.mapping.robot_map import MapStatistics
 from deploy.profiles import DEPLOY
 from deploy.safety.health import HealthMonitor
 
-MAPPING = {"resolution": 0.5, "sensor_range": 10.0, "viewpoint_spacing": 4.0, "beacon_range": 10.0}
+MAPPING = {"resolution": 0.5, "sensor_range": 10.0, "viewpoint_spacing": 4.0, "beacon_range": 10.0, "robot_radius": 0.0}
 TICK = 0.1
 
 
