@@ -152,7 +152,7 @@ class Environment:
         """
         self.task.reset(world)
         self.world = world
-        self.coverage = Coverage(world)
+        self.coverage = Coverage(world, self._mapping.robot_radius)
         self.steps = self.collisions = 0
         self.distance = self.total_reward = self.mapping_seconds = 0.0
         self._blocked_in_row = 0
@@ -262,8 +262,7 @@ class Environment:
             self._expert.reset(self.world)
             self._expert_knows = True
         if self._judgement is None:
-            node = self.mapper.position(self._observation.robot)
-            self._judgement = self._expert.judge(self._observation, self.pose, node, self.coverage)
+            self._judgement = self._expert.judge(self._observation, self.mapper.viewpoints, self.pose, self.coverage)
         return self._judgement
 
     def remaining(self) -> float:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from actors.expert.visibility import popcount
 from common.jit import njit
+from common.tours.sighting import popcount
 
-# Metres that a cell counts which a tour leaves unseen beyond the tolerance, and every such tour at all.
-CELL_PENALTY = 0.02
+# Metres that every tour counts more which leaves more unseen than the tolerance.
 UNFINISHED_PENALTY = 4.0
+# Stops that a tour may have, and how many times those of the first one in large worlds.
 MAX_STOPS = 256
+MAX_GROWTH = 2
 
 
 @njit(cache=True, nogil=True)
@@ -27,6 +28,7 @@ def drive(
     missing: NDArray[np.uint64],
     left: int,
     tolerance: int,
+    penalty: float,
     bound: float,
     rest: NDArray[np.uint64],
     passed: NDArray[np.int64],
@@ -46,6 +48,7 @@ def drive(
         missing: tile words of the cells that are missing after the scan at the start.
         left: their number.
         tolerance: cells that may stay unseen.
+        penalty: metres that a cell counts which is left unseen beyond the tolerance.
         bound: a tour longer than this many metres is given up.
         rest: working space, of the shape of `missing`.
         passed: working space, one number per node, below `stamp` everywhere.
@@ -75,7 +78,7 @@ def drive(
                     rest[tile[k]] &= ~mask[k]
             if left <= tolerance:
                 return length, s + 1, True
-    return length + UNFINISHED_PENALTY + CELL_PENALTY * (left - tolerance), size, False
+    return length + UNFINISHED_PENALTY + penalty * (left - tolerance), size, False
 
 
 @njit(cache=True, nogil=True)
@@ -169,8 +172,9 @@ def anneal(
     iterations: int,
     hottest: float,
     coldest: float,
+    penalty: float,
     seed: int,
-) -> tuple[NDArray[np.int64], float]:
+) -> tuple[NDArray[np.int64], float, bool]:
     """Shorten a covering tour by simulated annealing; see `drive` for the arguments that are not named here.
 
     Args:
@@ -189,23 +193,26 @@ def anneal(
         iterations: changes to try.
         hottest: temperature at the start, metres; it falls geometrically.
         coldest: temperature at the end, metres.
+        penalty: see `drive`.
         seed: of all chance.
 
     Returns:
-        Stops of the shortest tour that sees enough, and its metres; infinite when none was found.
+        Stops of the shortest tour that sees enough, and its metres, infinite when none was found; and whether the last
+        tour sees enough: if not, the penalty is too small for this world.
     """
     np.random.seed(seed)
     rest = np.empty_like(missing)
     passed = np.zeros(len(distances), dtype=np.int64)
     stamp = 1
-    tour = np.empty(MAX_STOPS, dtype=np.int64)
-    other = np.empty(MAX_STOPS, dtype=np.int64)
-    size = min(len(initial), MAX_STOPS)
-    tour[:size] = initial[:size]
+    size = len(initial)
+    tour = np.empty(max(MAX_STOPS, MAX_GROWTH * size), dtype=np.int64)
+    other = np.empty_like(tour)
+    tour[:size] = initial
     cost, used, done = drive(
-        pointer, tile, mask, distances, hops, start, tour, size, missing, left, tolerance, np.inf, rest, passed, stamp
-    )
-    size = used
+        pointer, tile, mask, distances, hops, start, tour, size, missing, left, tolerance, penalty, np.inf, rest,
+        passed, stamp,
+    )  # fmt: skip
+    size, finished = used, done
     best = tour[:size].copy()
     best_cost = cost if done else np.inf
     cooling = (coldest / hottest) ** (1.0 / max(iterations, 1))
@@ -216,14 +223,14 @@ def anneal(
         bound = cost - temperature * np.log(1.0 - np.random.random())
         stamp += 1
         new_cost, used, done = drive(
-            pointer, tile, mask, distances, hops, start, other, new_size, missing, left, tolerance, bound, rest,
-            passed, stamp,
+            pointer, tile, mask, distances, hops, start, other, new_size, missing, left, tolerance, penalty, bound,
+            rest, passed, stamp,
         )  # fmt: skip
         if new_cost > bound:
             continue
-        cost, size = new_cost, used
+        cost, size, finished = new_cost, used, done
         tour, other = other, tour
         if done and cost < best_cost - 1e-6:
             best_cost = cost
             best = tour[:size].copy()
-    return best, best_cost
+    return best, best_cost, finished

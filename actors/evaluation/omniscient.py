@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from actors.evaluation.annealing import anneal, drive
-from actors.evaluation.retrace import follow
-from actors.evaluation.true_graph import TrueGraph, lattice_links
-from actors.expert import cover
-from actors.expert.lattice import line_free
-from actors.expert.visibility import Visibility, fill_words
+from actors.evaluation.retrace import Moment, follow
+from actors.evaluation.route_graph import RouteGraph
+from actors.expert.visibility import fill_words, look_from_all
 from actors.maps.grid_map import GridMap
 from actors.tasks import make_task
 from actors.tasks.coverage import Coverage
@@ -24,6 +24,8 @@ from common.mapping.mapper import Mapper
 from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.lattice import TOLERANCE
+from common.tours import cover
+from common.tours.sighting import Visibility
 
 log = logging.getLogger(__name__)
 
@@ -34,8 +36,12 @@ ITERATIONS = 30_000
 TRIES = 3
 GREEDY_STARTS = 12
 HOTTEST, COLDEST = 8.0, 0.3
+# Metres that the annealing counts for a cell that stays unseen: more where the first lets it skip rooms in the end.
+CELL_PENALTIES = (0.02, 0.2, 2.0)
 NEAR_NODES = 16
 _NO_STOPS: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+# The way of one edge: its corners and its end, metres.
+Leg = list[Position]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,13 +49,13 @@ class Rehearsal:
     """What came of driving a route in the grid simulator.
 
     Attributes:
-        driven: number of positions that were driven to; the task was complete there, or the route ended.
+        legs: what was driven, decision by decision; the task was complete at the end of it, or the route ended.
         complete: the task was complete.
         length: metres.
         unseen: cells of the true map that are still unseen.
     """
 
-    driven: int
+    legs: list[Leg]
     complete: bool
     length: float
     unseen: NDArray[np.int64]
@@ -88,82 +94,83 @@ class OmniscientReference:
         self._task = task
         self._simulator = simulator.model_copy(update={"name": "grid"})
         self._iterations = iterations
-        self._route: list[Position] = []
-        self._driven = 0
+        self._route: list[Leg] = []
+        self._ahead: list[Leg] = []
 
     def prepare(self, world: GridMap, seed: int) -> None:
-        """Look at the true map and find the route; takes a second or two for exploration.
+        """Look at the true map and find the route: a second or two for exploration, minutes for a large building.
 
         Raises:
-            MapError: no viewpoint, or no way to the target.
+            MapError: the robot does not fit at the start, or no way leads to the target.
         """
-        graph = TrueGraph.build(world, self._mapping.viewpoint_spacing)
+        graph = RouteGraph.build(world, self._mapping)
         find = self._shortest_path if self._task.name == "navigation" else self._covering_tour
         self._route = find(world, graph, seed)
 
     def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
         """Begin the route that was prepared."""
         del task, target, seed
-        self._driven = 0
+        self._ahead = list(self._route)
 
     def plan(self, mapper: Mapper, pose: Pose) -> Plan:
-        """Return the next position of the route."""
-        del mapper, pose
-        if self._driven >= len(self._route):
+        """Return the next leg of the route, or as much of it as the robot knows to be free."""
+        if not self._ahead:
             return Plan(Status.COMPLETE, reason="the route on the known map has ended")
-        self._driven += 1
-        ahead = self._route[self._driven - 1 :]
-        return Plan(Status.GOING, waypoint=ahead[0], path=ahead[1:])
+        leg, rest = known_part(mapper, pose.position, self._ahead.pop(0))
+        if rest:
+            self._ahead.insert(0, rest)
+        return Plan(Status.GOING, waypoint=leg[-1], via=leg[:-1], path=[ahead[-1] for ahead in self._ahead])
 
-    def _shortest_path(self, world: GridMap, graph: TrueGraph, seed: int) -> list[Position]:
+    def _shortest_path(self, world: GridMap, graph: RouteGraph, seed: int) -> list[Leg]:
         """Return the shortest way over viewpoints to where the robot has arrived."""
         del seed
         task = make_task(self._task)
         task.reset(world)
         target = world.target
-        coverage = Coverage(world)
+        coverage = Coverage(world, self._mapping.robot_radius)
         assert target is not None
         if task.complete(coverage, Pose(*world.start)):
             return []
         arrived = [v for v in range(len(graph)) if task.complete(coverage, Pose(*graph.position(v)))]
-        links, legs = lattice_links(world, graph.lattice, target)
+        links, lengths = graph.graph.target_links()
         last_leg = np.full(len(graph), np.inf)
-        last_leg[links] = legs
+        last_leg[links] = lengths
         last_leg[arrived] = 0.0
-        lengths = graph.distances[graph.start] + last_leg
-        best = int(np.argmin(lengths))
+        totals = graph.distances[graph.start] + last_leg
+        best = int(np.argmin(totals))
         direct = float(np.hypot(target[0] - world.start[0], target[1] - world.start[1]))
         reach = LONGEST_EDGE * self._mapping.viewpoint_spacing + TOLERANCE
-        if direct <= min(reach, float(lengths[best])) and _in_sight(world, world.start, target):
-            return [target]
-        if not np.isfinite(lengths[best]):
+        mapper = graph.graph.mapper
+        if direct <= min(reach, float(totals[best])) and mapper.segment_free(world.start, target):
+            return [[target]]
+        if not np.isfinite(totals[best]):
             raise MapError(f"map {world.name!r}: no way over viewpoints leads from the start to the target")
-        route = [graph.position(node) for node in graph.route([best])]
-        return route if last_leg[best] == 0.0 else [*route, target]
+        route = graph.legs(graph.route([best]))
+        return route if last_leg[best] == 0.0 else [*route, mapper.way(best, len(graph.graph))]
 
-    def _covering_tour(self, world: GridMap, graph: TrueGraph, seed: int) -> list[Position]:
+    def _covering_tour(self, world: GridMap, graph: RouteGraph, seed: int) -> list[Leg]:
         """Return the shortest tour found that sees enough when it is driven."""
         reach = self._mapping.sensor_range / world.resolution
-        sight = Visibility.build(world.free, graph.points, reach, self._simulator.rays)
+        sight = look_from_all(world.free, graph.points, reach, self._simulator.rays)
         tolerance = int(self._task.unseen_area / world.resolution**2 + 1e-6)
         unseen = self._rehearse(world, [], seed).unseen
         if len(unseen) <= tolerance:
             return []
-        best: list[Position] = []
-        route: list[Position] = []
+        best: list[Leg] = []
+        nodes: list[int] = []
         shortest = np.inf
         for margin in MARGINS:
             for stops in self._tours(world, graph, sight, unseen, max(tolerance - margin, 0)):
-                route = [graph.position(node) for node in graph.route(stops)]
-                rehearsal = self._rehearse(world, route, seed)
+                nodes = graph.route(stops)
+                rehearsal = self._rehearse(world, graph.legs(nodes), seed)
                 if rehearsal.complete and rehearsal.length < shortest:
-                    best, shortest = route[: rehearsal.driven], rehearsal.length
+                    best, shortest = rehearsal.legs, rehearsal.length
             if best:
                 return best
-        return self._extend(world, graph, sight, route, tolerance, seed)
+        return self._extend(world, graph, sight, nodes, tolerance, seed)
 
     def _tours(
-        self, world: GridMap, graph: TrueGraph, sight: Visibility, unseen: NDArray[np.int64], tolerance: int
+        self, world: GridMap, graph: RouteGraph, sight: Visibility, unseen: NDArray[np.int64], tolerance: int
     ) -> list[list[int]]:
         """Return a few short covering tours as lists of stops."""
         missing = np.zeros(sight.tiles, dtype=np.uint64)
@@ -188,34 +195,37 @@ class OmniscientReference:
         lengths = [
             drive(
                 sight.pointer, sight.tile, sight.mask, graph.distances, graph.hops, graph.start, stops, len(stops),
-                missing, len(unseen), tolerance, np.inf, rest, passed, number + 1,
+                missing, len(unseen), tolerance, CELL_PENALTIES[0], np.inf, rest, passed, number + 1,
             )[0]
             for number, stops in enumerate(covers)
         ]  # fmt: skip
         near = _near_nodes(graph)
         tours = []
         for number in np.argsort(lengths, kind="stable")[:TRIES]:
-            stops, length = anneal(
-                sight.pointer, sight.tile, sight.mask, graph.distances, graph.hops, graph.start, covers[number],
-                missing, len(unseen), tolerance, useful, near, self._iterations, HOTTEST, COLDEST, int(number),
-            )  # fmt: skip
+            stops = covers[number]
+            for penalty in CELL_PENALTIES:
+                stops, length, finished = anneal(
+                    sight.pointer, sight.tile, sight.mask, graph.distances, graph.hops, graph.start, stops, missing,
+                    len(unseen), tolerance, useful, near, self._iterations, HOTTEST, COLDEST, penalty, int(number),
+                )  # fmt: skip
+                if finished:
+                    break
             tours.append((length, stops.tolist()))
         return [stops for _, stops in sorted(tours)]
 
     def _extend(
-        self, world: GridMap, graph: TrueGraph, sight: Visibility, route: list[Position], tolerance: int, seed: int
-    ) -> list[Position]:
+        self, world: GridMap, graph: RouteGraph, sight: Visibility, nodes: list[int], tolerance: int, seed: int
+    ) -> list[Leg]:
         """Go on from the end of a route to viewpoints that still show something, as long as there are any."""
-        nodes = {graph.position(node): node for node in range(len(graph))}
         missing = np.zeros(sight.tiles, dtype=np.uint64)
         while True:
-            rehearsal = self._rehearse(world, route, seed)
+            rehearsal = self._rehearse(world, graph.legs(nodes), seed)
             if rehearsal.complete:
-                return route[: rehearsal.driven]
+                return rehearsal.legs
             fill_words(rehearsal.unseen, world.free.shape[1], missing)
-            at = nodes[route[-1]] if route else graph.start
+            at = nodes[-1] if nodes else graph.start
             allowed = np.isfinite(graph.distances[at])
-            allowed[[nodes[position] for position in route] + [graph.start]] = False
+            allowed[[*nodes, graph.start]] = False
             gains = cover.count_gains(sight.pointer, sight.tile, sight.mask, missing, allowed)
             stops = cover.plan_cover(
                 sight.pointer, sight.tile, sight.mask, missing, allowed, graph.distances, at, gains.copy(),
@@ -223,34 +233,80 @@ class OmniscientReference:
             )  # fmt: skip
             if not len(stops):
                 log.warning("map %r: %d cells cannot be seen from any viewpoint", world.name, len(rehearsal.unseen))
-                return route
-            for stop in stops.tolist():
-                while at != stop:
-                    at = int(graph.hops[at, stop])
-                    route = [*route, graph.position(at)]
+                return rehearsal.legs
+            nodes = [*nodes, *graph.route_from(at, stops.tolist())]
 
-    def _rehearse(self, world: GridMap, route: list[Position], seed: int) -> Rehearsal:
+    def _rehearse(self, world: GridMap, legs: list[Leg], seed: int) -> Rehearsal:
         """Drive a route in the grid simulator, with the scans that an episode of this seed has."""
-        for moment in follow(world, [world.start, *route], self._mapping, self._simulator, seed=seed):
+        driven: list[Leg] = []
+        moment: Moment
+
+        def places() -> Iterator[Position]:
+            yield world.start
+            for leg in legs:
+                rest = leg
+                while rest:
+                    part, rest = known_part(moment.mapper, moment.pose.position, rest)
+                    driven.append([])
+                    for place in part:
+                        driven[-1].append(place)
+                        yield place
+
+        for moment in follow(world, places(), self._mapping, self._simulator, seed=seed):
             unseen = moment.coverage.unseen_cells
             if not (moment.known and moment.clear):
-                return Rehearsal(moment.number - 1, False, moment.distance, unseen)
+                log.debug("map %r: the way to %s is not known to be free there", world.name, driven[-1][-1])
+                return Rehearsal(driven[:-1], False, moment.distance, unseen)
             if moment.coverage.unseen_area <= self._task.unseen_area + 1e-9:
-                return Rehearsal(moment.number, True, moment.distance, unseen)
-        return Rehearsal(moment.number, False, moment.distance, unseen)
+                return Rehearsal(driven, True, moment.distance, unseen)
+        return Rehearsal(driven, False, moment.distance, unseen)
 
 
-def _near_nodes(graph: TrueGraph) -> NDArray[np.int64]:
+def known_part(mapper: Mapper, here: Position, leg: Leg) -> tuple[Leg, Leg]:
+    """Part a leg into what the robot knows to be free, one decision, and what is left of it.
+
+    What lies behind a corner is seldom known before the robot is there. Where not even the way to the first corner is
+    known, the robot drives as far as it knows it to be free and looks again.
+
+    Args:
+        mapper: updated where the robot is.
+        here: where the robot is, metres.
+        leg: corners and end of a way that truly is free.
+
+    Returns:
+        Where to drive now, at least one position, and what is left, both in metres.
+    """
+    known = 0
+    for a, b in pairwise([here, *leg]):
+        if not mapper.segment_free(a, b):
+            break
+        known += 1
+    if known:
+        return leg[:known], leg[known:]
+    x, y = leg[0][0] - here[0], leg[0][1] - here[1]
+    cells = int(np.hypot(x, y) / mapper.belief.resolution)
+    free, blocked = 0, cells + 1
+    while blocked - free > 1:
+        middle = (free + blocked) // 2
+        share = middle / (cells + 1)
+        if mapper.segment_free(here, (here[0] + share * x, here[1] + share * y)):
+            free = middle
+        else:
+            blocked = middle
+    if not free:
+        return leg[:1], leg[1:]
+    share = free / (cells + 1)
+    return [(here[0] + share * x, here[1] + share * y)], leg
+
+
+def _near_nodes(graph: RouteGraph) -> NDArray[np.int64]:
     """Return the nodes nearest to each node by the way there, shape (nodes, any); a node itself where there are few."""
-    count = min(NEAR_NODES, len(graph) - 1)
-    ways = graph.distances.copy()
-    np.fill_diagonal(ways, np.inf)
-    nearest = np.argsort(ways, axis=1, kind="stable")[:, : max(count, 1)].astype(np.int64)
-    reachable = np.isfinite(np.take_along_axis(ways, nearest, axis=1))
-    return np.where(reachable, nearest, np.arange(len(graph))[:, None])
-
-
-def _in_sight(world: GridMap, a: Position, b: Position) -> bool:
-    (x, y), resolution = world.origin, world.resolution
-    cells = [(p - q) / resolution for point in (a, b) for p, q in zip(point, (x, y), strict=True)]
-    return bool(line_free(np.ascontiguousarray(world.free), *cells))
+    count = max(min(NEAR_NODES, len(graph) - 1), 1)
+    near = np.empty((len(graph), count), dtype=np.int64)
+    # Row by row: the order of all nodes from all others would take twice the memory of the distances.
+    for node, row in enumerate(graph.distances):
+        ways = row.copy()
+        ways[node] = np.inf
+        nearest = np.argsort(ways, kind="stable")[:count]
+        near[node] = np.where(np.isfinite(ways[nearest]), nearest, node)
+    return near

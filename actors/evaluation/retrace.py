@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from actors.evaluation.pixels import Position, to_metres
@@ -53,7 +53,7 @@ def retrace(
 
 def follow(
     world: GridMap,
-    positions: Sequence[Position],
+    positions: Iterable[Position],
     mapping: MappingConfig,
     simulator: SimulatorConfig,
     *,
@@ -66,7 +66,7 @@ def follow(
 
     Args:
         world: the true map.
-        positions: (x, y) in metres, the start first.
+        positions: (x, y) in metres, the start first; each is asked for when the moment before it has been told.
         mapping: what is made of the scans.
         simulator: beams and noise of the sensor.
         seed: of the noise.
@@ -82,7 +82,7 @@ def follow(
         bounds=bounds,
         target=world.target if navigation else None,
     )
-    coverage = Coverage(world)
+    coverage = Coverage(world, mapping.robot_radius)
     distance = 0.0
     for number, position in enumerate(positions):
         known = clear = True

@@ -39,27 +39,34 @@ class Expert(Protocol):
     Usage::
 
         expert.reset(world)
-        judgement = expert.judge(observation, pose, node_position, coverage)
+        judgement = expert.judge(observation, mapper.viewpoints, pose, coverage)
         waypoint = observation.waypoint_nodes()[judgement.cost.argmin()]
     """
 
     def reset(self, world: GridMap) -> None:
-        """Prepare for a world: true viewpoint graph, visibility, distances."""
+        """Prepare for a world: true viewpoint graph, visibility, distances.
+
+        Raises:
+            MapError: the world does not suit the task, or the robot does not fit at its start.
+        """
         ...
 
     def judge(
         self,
         observation: Observation,
+        positions: NDArray[np.float64],
         pose: Pose,
-        node_position: tuple[float, float],
         coverage: Coverage,
     ) -> Judgement:
         """Judge the choices of one observation.
 
+        A viewpoint counts as the true one whose piece of clear space holds its place. While a lattice square is only
+        partly known, several viewpoints may be pieces of what is truly one.
+
         Args:
             observation: what the policy sees; at least one waypoint.
+            positions: of its viewpoints, metres, shape (n, 2).
             pose: where the robot stands.
-            node_position: position of the robot's viewpoint, metres.
             coverage: what has been seen of the true map.
         """
         ...
@@ -67,17 +74,39 @@ class Expert(Protocol):
 
 def leg_lengths(
     observation: Observation,
-    waypoints: NDArray[np.int64],
+    positions: NDArray[np.float64],
+    places: NDArray[np.float64],
     pose: Pose,
-    node_position: tuple[float, float],
     spacing: float,
 ) -> NDArray[np.float64]:
     """Metres from where the robot stands to each waypoint, by way of its viewpoint when it stands beside it.
 
-    A target counts with its own offset. Returns float64, shape of ``waypoints``.
+    Edges that are not straight count with the length of their way, a target with its own offset. A viewpoint that does
+    not lie where the true one does counts as at least as far away as that: the rest of the way begins there.
+
+    Args:
+        observation: what the policy sees.
+        positions: of its viewpoints, metres, shape (n, 2).
+        places: of the true ones that they stand for, likewise.
+        pose: where the robot stands.
+        spacing: metres to a lattice step.
+
+    Returns:
+        In the order of `Observation.waypoint_nodes`, float64.
     """
-    steps = observation.offsets.astype(np.float64)
-    if observation.has_target:
-        steps = np.concatenate([steps, observation.target_offset[None].astype(np.float64)])
-    steps = steps[waypoints]
-    return pose.distance_to(node_position) + spacing * np.hypot(steps[:, 0], steps[:, 1])
+    robot = observation.robot
+    home = positions[robot]
+    nodes = observation.waypoint_nodes()
+    viewpoints = nodes[nodes < observation.viewpoints]
+    lengths: NDArray[np.float64] = np.hypot(*(positions[viewpoints] - home).T)
+    # The robot's edges in the order of its neighbours: those that lower ones list, then its own.
+    end = int(observation.degree[: robot + 1].sum(dtype=np.int64))
+    listed = np.arange(end - int(observation.degree[robot]), end)
+    edges = np.concatenate([np.flatnonzero(observation.neighbours == robot), listed])
+    bent = np.flatnonzero(np.isin(edges, observation.bent))
+    ways = observation.bent_length[np.searchsorted(observation.bent, edges[bent])]
+    lengths[bent] = spacing * ways.astype(np.float64)
+    lengths = np.maximum(lengths, np.hypot(*(places[viewpoints] - home).T))
+    if len(viewpoints) < len(nodes):
+        lengths = np.append(lengths, spacing * np.hypot(*observation.target_offset.astype(np.float64)))
+    return pose.distance_to((float(home[0]), float(home[1]))) + lengths

@@ -5,18 +5,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from actors.expert import cover
 from actors.expert.base import UNREACHABLE, Judgement, leg_lengths
-from actors.expert.lattice import TrueLattice
-from actors.expert.prices import price_choices
-from actors.expert.tour import tour_length
-from actors.expert.visibility import Visibility, fill_words
+from actors.expert.true_graph import TrueGraph
+from actors.expert.visibility import fill_words, look_from_all
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
 from common.config.schema import MappingConfig
 from common.errors import HDError
 from common.geometry import Pose
 from common.observation import Observation
+from common.planners.lattice import ON_VIEWPOINT
+from common.tours import cover
+from common.tours.local_search import tour_length
+from common.tours.prices import price_choices
 
 NO_STOPS: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
 
@@ -44,35 +45,39 @@ class ExplorationExpert:
         self._world: GridMap | None = None
 
     def reset(self, world: GridMap) -> None:
-        """Prepare for a world; takes about 100 ms for a public map."""
+        """Prepare for a world: about 100 ms for a public map, a few seconds for a building of 19,000 m2."""
         self._world = world
-        self._lattice = TrueLattice.build(world, self._mapping.viewpoint_spacing)
-        self._distances = self._lattice.distances()
+        self._graph = TrueGraph.build(world, self._mapping)
+        self._distances = self._graph.distances()
         reach = self._mapping.sensor_range / world.resolution
-        self._sight = Visibility.build(world.free, self._lattice.points, reach, self._beams)
+        self._sight = look_from_all(world.free, self._graph.points, reach, self._beams)
         self._missing = np.zeros(self._sight.tiles, dtype=np.uint64)
         self._tolerance = int(self._unseen_area / world.resolution**2 + 1e-6)
-        self._ones = np.ones(len(self._lattice))
+        self._ones = np.ones(len(self._graph))
         self._plan = NO_STOPS
         self._routes: dict[int, NDArray[np.int64]] = {}
 
     def judge(
         self,
         observation: Observation,
+        positions: NDArray[np.float64],
         pose: Pose,
-        node_position: tuple[float, float],
         coverage: Coverage,
     ) -> Judgement:
         """Judge the choices of one observation (see `Expert.judge`)."""
         if self._world is None:
             raise HDError("the expert knows no map yet: call reset(world) before judge()")
-        true_nodes = self._lattice.match(observation, node_position)
+        true_nodes, places = self._graph.match(positions)
         waypoints = observation.waypoint_nodes()
         choices = true_nodes[waypoints]
         robot = int(true_nodes[observation.robot])
         if robot < 0 or len(coverage.unseen_cells) <= self._tolerance:
             return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0)
-        stops, allowed = self._tour(observation, true_nodes, robot, coverage)
+        # A visited viewpoint of a partly known square can lie where it sees other things than the true one.
+        spacing = self._mapping.viewpoint_spacing
+        there = np.hypot(*(positions - places).T) <= ON_VIEWPOINT * spacing
+        scanned = observation.visited & there & (true_nodes >= 0)
+        stops, allowed = self._tour(true_nodes[scanned], robot, coverage)
         if len(stops) == 0:
             # What is missing cannot be seen from any viewpoint: no choice is better than another.
             return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0)
@@ -83,7 +88,7 @@ class ExplorationExpert:
             sight.pointer, sight.tile, sight.mask, self._missing, allowed, self._distances, stops, choices,
             self._tolerance, orders, sizes,
         )  # fmt: skip
-        legs = leg_lengths(observation, waypoints, pose, node_position, self._lattice.spacing)
+        legs = leg_lengths(observation, positions, places, pose, spacing)
         total = np.where(np.isfinite(lengths), legs + lengths, np.inf)
         best = int(np.argmin(total))
         remaining = float(total[best])
@@ -96,7 +101,7 @@ class ExplorationExpert:
         return Judgement(cost, beacon, remaining)
 
     def _tour(
-        self, observation: Observation, true_nodes: NDArray[np.int64], robot: int, coverage: Coverage
+        self, scanned: NDArray[np.int64], robot: int, coverage: Coverage
     ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Return a short covering tour from the robot, and which viewpoints can show something new."""
         sight, distances = self._sight, self._distances
@@ -104,8 +109,7 @@ class ExplorationExpert:
         assert world is not None
         fill_words(coverage.unseen_cells, world.free.shape[1], self._missing)
         allowed = np.isfinite(distances[robot])
-        visited = true_nodes[observation.visited]
-        allowed[visited[visited >= 0]] = False
+        allowed[scanned] = False
         allowed[robot] = False
         gains = cover.count_gains(sight.pointer, sight.tile, sight.mask, self._missing, allowed)
 

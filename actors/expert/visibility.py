@@ -1,34 +1,12 @@
-"""What each true viewpoint sees, at full resolution: bit sets over tiles of 8 x 8 cells.
-
-A viewpoint sees a disc around it, so its set is stored sparsely: only the tiles that hold something, one 64-bit word
-each. Counting what a viewpoint would still find then takes about a hundred words, whatever the map's size.
-"""
+"""What each true viewpoint sees, at full resolution: bit sets over tiles of 8 x 8 cells."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
-from numba import types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from common.jit import njit
-
-
-def _popcount(typing_context: Any, word: Any) -> Any:
-    del typing_context, word
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        del context, signature
-        return builder.ctpop(arguments[0])
-
-    return types.int64(types.uint64), generate
-
-
-# Number of set bits of a 64-bit word, as int64: the processor's own instruction, for use in kernels.
-popcount: Any = intrinsic(_popcount)
+from common.tours.sighting import Visibility
 
 
 @njit(cache=True, nogil=True)
@@ -124,26 +102,9 @@ def fill_words(cells: NDArray[np.int64], columns: int, words: NDArray[np.uint64]
         words[(r >> 3) * tile_columns + (c >> 3)] |= np.uint64(1) << np.uint64(((r & 7) << 3) | (c & 7))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Visibility:
-    """The cells that each viewpoint sees, as sparse rows.
-
-    Attributes:
-        pointer: first entry of each viewpoint, int64, shape (n + 1,).
-        tile: tile numbers, int32.
-        mask: cells of the tile that are seen, uint64.
-        tiles: number of tiles of the map.
-    """
-
-    pointer: NDArray[np.int64]
-    tile: NDArray[np.int32]
-    mask: NDArray[np.uint64]
-    tiles: int
-
-    @classmethod
-    def build(cls, free: NDArray[np.bool_], points: NDArray[np.float64], reach: float, beams: int) -> Visibility:
-        """Look from every point (cell coordinates) with a number of beams, up to ``reach`` cells."""
-        angles = np.arange(beams) * (2.0 * np.pi / beams)
-        rows, columns = free.shape
-        pointer, tile, mask = _look_from_all(np.ascontiguousarray(free), points, reach, np.cos(angles), np.sin(angles))
-        return cls(pointer, tile, mask, ((rows + 7) >> 3) * ((columns + 7) >> 3))
+def look_from_all(free: NDArray[np.bool_], points: NDArray[np.float64], reach: float, beams: int) -> Visibility:
+    """Look from every point (cell coordinates) with a number of beams, up to ``reach`` cells."""
+    angles = np.arange(beams) * (2.0 * np.pi / beams)
+    rows, columns = free.shape
+    pointer, tile, mask = _look_from_all(np.ascontiguousarray(free), points, reach, np.cos(angles), np.sin(angles))
+    return Visibility(pointer, tile, mask, ((rows + 7) >> 3) * ((columns + 7) >> 3))

@@ -1,12 +1,13 @@
-"""How much of the reachable free area of the true map the robot has seen; for reward, termination and metrics."""
+"""How much of the reachable clear area of the true map the robot has seen; for reward, termination and metrics."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from actors.maps.clear_space import clear_space
+from actors.maps.connectivity import label_regions
 from actors.maps.grid_map import GridMap
-from common.errors import MapError
 from common.jit import njit
 
 UNKNOWN = -1
@@ -75,19 +76,28 @@ def _still_unseen(
 
 
 class Coverage:
-    """The cells of one world that the robot could see and has not seen.
+    """The cells of one world that the robot could go to and has not seen.
 
-    Reachable is what a flood fill from the start reaches over 4-connected free cells; all of it can be seen from
-    free space. A cell counts as seen once the belief cell that holds its centre is known. What has been seen stays
-    seen, so that a belief which corrects itself cannot undo an episode.
+    Reachable is what a flood fill from the start reaches over 4-connected clear cells (`clear_space`): for a robot
+    without size all free cells that connect with the start. Behind an opening that a robot does not fit through there
+    are free cells that it may never see, so they do not count; neither do the margins along walls. A cell counts as
+    seen once the belief cell that holds its centre is known. What has been seen stays seen, so that a belief which
+    corrects itself cannot undo an episode.
     """
 
-    def __init__(self, world: GridMap) -> None:
-        row, column = world.cell(world.start)
-        if not world.is_free(world.start):
-            raise MapError(f"map {world.name!r}: the start {world.start} is not in free space; move the start marker")
+    def __init__(self, world: GridMap, robot_radius: float = 0.0) -> None:
+        """Begin with nothing seen.
+
+        Args:
+            world: the true map.
+            robot_radius: metres, as in `MappingConfig`.
+
+        Raises:
+            MapError: the start is not in free space, or the robot does not fit there.
+        """
+        clear, start = clear_space(world, robot_radius)
         self._world = world
-        self._unseen: NDArray[np.int64] = _flood(np.ascontiguousarray(world.free), row, column)
+        self._unseen: NDArray[np.int64] = _flood(np.ascontiguousarray(clear), *start)
         self._reachable = len(self._unseen)
         self._frame: tuple[float, tuple[float, float]] | None = None
         rows, columns = world.free.shape
@@ -114,10 +124,35 @@ class Coverage:
 
     @property
     def unseen_area(self) -> float:
-        """Reachable free area that is unseen, square metres."""
+        """Reachable clear area that is unseen, square metres."""
         return len(self._unseen) * self._world.resolution**2
 
     @property
     def explored(self) -> float:
-        """Share of the reachable free area that was seen, 0 to 1."""
+        """Share of the reachable clear area that was seen, 0 to 1."""
         return 1.0 - len(self._unseen) / self._reachable
+
+    def largest_unseen(self) -> tuple[float, tuple[float, float]] | None:
+        """Return the largest connected region that is unseen: its area in square metres, and a place in it.
+
+        Cells that share only a corner are connected too. The place is the centre of the region's cell that is nearest
+        to its centroid, (x, y) in metres. None when nothing is unseen.
+        """
+        if not len(self._unseen):
+            return None
+        world = self._world
+        rows, columns = np.divmod(self._unseen, world.free.shape[1])
+        top, left = rows[0], columns.min()
+        mask = np.zeros((rows[-1] - top + 1, columns.max() - left + 1), dtype=np.bool_)
+        mask[rows - top, columns - left] = True
+        labels, _ = label_regions(mask, diagonal=True)
+        region = labels[rows - top, columns - left]
+        sizes = np.bincount(region)
+        largest = region == int(np.argmax(sizes))
+        y, x = rows[largest] + 0.5, columns[largest] + 0.5
+        middle = int(np.argmin((x - x.mean()) ** 2 + (y - y.mean()) ** 2))
+        place = (
+            world.origin[0] + float(x[middle]) * world.resolution,
+            world.origin[1] + float(y[middle]) * world.resolution,
+        )
+        return int(sizes.max()) * world.resolution**2, place

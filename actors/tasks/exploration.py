@@ -8,7 +8,7 @@ from common.geometry import Pose
 
 
 class ExplorationTask:
-    """Complete when at most ``unseen_area`` square metres of the reachable free area are unseen."""
+    """Complete when at most ``unseen_area`` square metres of the reachable clear area are unseen."""
 
     name = "exploration"
     target = None

@@ -59,8 +59,6 @@ class MappingConfig(Section):
     """When no viewpoint observes `min_utility` frontiers any more, those that observe so many are useful."""
     beacon_range: Positive = 20.0
     """d_th of Algorithm 1: a beacon covers useful viewpoints up to this distance in line of sight, metres."""
-    robot_radius: Annotated[float, Field(ge=0.0)] = 0.0
-    """Radius of the robot, metres: no edge of the viewpoint graph leads through less clearance; 0 for a point."""
 
     @property
     def observable_range(self) -> float:

@@ -57,7 +57,6 @@ def reach(
     used: int,
     first_of: NDArray[np.int32],
     start: int,
-    spare: bool,
     pairs: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]],
     touches: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]],
     resolution: float,
@@ -78,7 +77,6 @@ def reach(
         used: how many of them are in use at most.
         first_of: first piece of each square.
         start: the piece where to begin.
-        spare: viewpoints that exist only because no piece waits count as well.
         pairs: count, other and state of possible straight edges, see `common.mapping.candidates`.
         touches: count, other and length of touching pieces, see `common.mapping.touches`.
         resolution: metres per cell.
@@ -138,7 +136,7 @@ def reach(
         size -= 1
         piece = stack[size]
         for k in range(begin[piece - 1] if piece else 0, begin[piece]):
-            if numbers[ends[k]] < 0 and (spare or not pieces[ends[k]].spare):
+            if numbers[ends[k]] < 0:
                 numbers[ends[k]] = 0
                 stack[size] = ends[k]
                 size += 1
@@ -157,9 +155,7 @@ def reach(
     pointer = np.zeros(n + 1, dtype=np.int64)
     for node in range(n):
         piece = order[node]
-        pointer[node + 1] = pointer[node]
-        for k in range(begin[piece - 1] if piece else 0, begin[piece]):
-            pointer[node + 1] += numbers[ends[k]] >= 0
+        pointer[node + 1] = pointer[node] + begin[piece] - (begin[piece - 1] if piece else 0)
     # Walking the nodes in order and noting each with its neighbours sorts every row.
     filled = pointer[:-1].copy()
     neighbours = np.empty(pointer[n], dtype=np.int32)
@@ -169,8 +165,7 @@ def reach(
         piece = order[node]
         for k in range(begin[piece - 1] if piece else 0, begin[piece]):
             other = numbers[ends[k]]
-            if other >= 0:
-                place = filled[other]
-                neighbours[place], out_lengths[place], out_bent[place] = node, lengths[k], bent[k]
-                filled[other] += 1
+            place = filled[other]
+            neighbours[place], out_lengths[place], out_bent[place] = node, lengths[k], bent[k]
+            filled[other] += 1
     return order, numbers, pointer, neighbours, out_lengths, out_bent

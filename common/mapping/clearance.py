@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.jit import njit
-from common.mapping.belief import Belief
+from common.mapping.cell_grid import CellGrid
 from common.mapping.sight import FREE, Box
-from common.mapping.squares import Layout, mark
+from common.mapping.squares import Layout, mark, undivided
 
 # Every point of the cell is clear; the same number as FREE, so that `common.mapping.sight.blocker` reads both grids.
 CLEAR_CELL: Final = FREE
@@ -183,7 +183,7 @@ class Clearance:
             int8, shape of the padded grid.
     """
 
-    def __init__(self, belief: Belief, radius: float) -> None:
+    def __init__(self, belief: CellGrid, radius: float) -> None:
         """Begin with nothing clear.
 
         Args:
@@ -221,6 +221,11 @@ class Clearance:
             return changed, lost
         boxes = _update(cells, self.grid, self._tight, self._clear, changed, layout, dirty, beside)
         return (boxes[0], boxes[1], boxes[2], boxes[3]), (boxes[4], boxes[5], boxes[6], boxes[7])
+
+    def refresh(self, cells: NDArray[np.int8], changed: Box, lost: Box) -> tuple[Box, Box]:
+        """Bring the grid up to date as `update` does, where nobody asks for squares."""
+        nobody = np.zeros((2, 1, 1), dtype=np.bool_)
+        return self.update(cells, changed, lost, undivided(*cells.shape), nobody[0], nobody[1])
 
 
 def _spans(radius: float, inside: float) -> NDArray[np.int16]:

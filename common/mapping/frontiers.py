@@ -120,6 +120,11 @@ class Frontiers:
         """Frontier cells of the belief's grid (not padded), bool, shape (rows, columns)."""
         return self._mask[1:-1, 1:-1]
 
+    @property
+    def padded_mask(self) -> NDArray[np.bool_]:
+        """Frontier cells of the padded grid, bool."""
+        return self._mask
+
     def update(
         self,
         padded: NDArray[np.int8],

@@ -14,6 +14,7 @@ from common.geometry import Pose, Scan
 from common.mapping.adjacency import Adjacency
 from common.mapping.beacons import find_beacons
 from common.mapping.belief import Belief
+from common.mapping.cell_grid import ClearGrid
 from common.mapping.clearance import CLEAR_CELL, SWEEP_TOLERANCE, TIGHT, sweep
 from common.mapping.distances import shortest_paths
 from common.mapping.frontiers import FrontierChanges, Frontiers
@@ -77,7 +78,6 @@ class Mapper:
         self._lattice_origin = lattice_origin
         self._beacon_reach = round(config.beacon_range / config.resolution * SUBCELLS)
         self.target = target
-        self._everywhere = False
         self._pose: Pose | None = None
         self._rebuild(None)
         self._forget_nodes()
@@ -106,20 +106,18 @@ class Mapper:
             frontiers = self._frontiers.update(belief.padded, changed, graph.layout, graph.dirty, graph.beside)
             self.frontiers_removed += len(frontiers.removed)
         robot = belief.subcells(pose.position)
-        self._graph.update(changed, frontiers.lost, robot, everywhere=self._everywhere)
+        self._graph.update(changed, frontiers.lost, robot)
         self._update_utility(frontiers)
         self._pose = pose
         if self._graph.robot < 0:
             self._forget_nodes()
             return
-        # Pieces that wait are looked into once nothing else is left; then all of them at once.
-        reached = self._graph.reachable(spare=False)
-        everywhere = not anything_left(reached[0], self._graph.pieces, self._utility.counts, self._config.least_utility)
-        if everywhere != self._everywhere:
-            self._everywhere = everywhere
-            self._graph.update(None, NOTHING_LOST, robot, everywhere=everywhere)
+        self._order, self._numbers, self._edges = self._graph.reachable()
+        if not anything_left(self._order, self._graph.pieces, self._utility.counts, self._config.least_utility):
+            cells = np.flatnonzero(self._frontiers.padded_mask).astype(np.int32)
+            self._graph.update(None, NOTHING_LOST, robot, frontiers=cells)
             self._update_utility(_NO_CHANGES)
-        self._order, self._numbers, self._edges = self._graph.reachable() if everywhere else reached
+            self._order, self._numbers, self._edges = self._graph.reachable()
         self._plan()
 
     def observe(self) -> Observation:
@@ -175,10 +173,31 @@ class Mapper:
         rows, columns = np.nonzero(self._frontiers.mask)
         return np.stack([columns + 0.5, rows + 0.5], axis=1) * self.belief.resolution + self._origin
 
+    def sightings(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        """Return which frontier cells each viewpoint of the last update observes: in range and in line of sight.
+
+        Returns:
+            Sparse rows by node number: the first entry of each, int64, shape (n + 1,), and the entries, places in
+            `frontiers`, ascending within a row, int32.
+        """
+        frontiers = np.flatnonzero(self._frontiers.padded_mask)
+        return self._utility.sightings(frontiers, self._numbers, len(self._order))
+
+    @property
+    def clear(self) -> ClearGrid:
+        """Where the robot fits in known free space: straight segments through its cells of value 0 keep the radius."""
+        cells = self._graph.cells
+        return ClearGrid(cells.clear.reshape(-1, cells.width), self._config.resolution, self.belief.origin)
+
+    @property
+    def lattice_origin(self) -> tuple[float, float]:
+        """(x, y) of one point of the viewpoint lattice, metres."""
+        return self._lattice_origin
+
     @property
     def frontier_mask(self) -> NDArray[np.bool_]:
-        """Frontier cells of the belief's grid (not padded), bool, shape (rows, columns); read it, and no more."""
-        return self._frontiers.mask
+        """Frontier cells, bool, shape of the belief's padded grid; a copy."""
+        return self._frontiers.padded_mask.copy()
 
     @property
     def viewpoints(self) -> NDArray[np.float64]:
@@ -198,6 +217,12 @@ class Mapper:
         return self._edges
 
     @property
+    def edge_lengths(self) -> NDArray[np.float64]:
+        """Length of each of the `edges`, metres, shape (m,)."""
+        ends = self.viewpoints[self.edges]
+        return np.asarray(np.hypot(*(ends[:, 1] - ends[:, 0]).T), dtype=np.float64)
+
+    @property
     def beacons(self) -> NDArray[np.float64]:
         """Positions of the beacons in node order, a known target last, metres, shape (m, 2)."""
         positions = self._positions[self._observation.beacon] if not self.stuck else np.empty((0, 2))
@@ -215,6 +240,27 @@ class Mapper:
         self._check_node(node, n)
         x, y = self._positions[node]
         return float(x), float(y)
+
+    def nodes_at(self, positions: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the viewpoint that stands for each of some positions: that of the piece of clear space which holds it.
+
+        Args:
+            positions: metres, shape (m, 2).
+
+        Returns:
+            Node numbers, -1 where a position lies in no piece of the last update's graph, int64, shape (m,).
+        """
+        cells = (positions - self._origin) / self.belief.resolution + 1.0
+        x, y = np.rint(cells.T * SUBCELLS).astype(np.int64)
+        pieces = self._graph.pieces_at(x, y)
+        return np.where(pieces >= 0, self._numbers[pieces], -1).astype(np.int64)
+
+    def joined(self, a: int, b: int) -> bool:
+        """Whether an edge joins two nodes, so that there is a `way`; no number of a node is joined with nothing."""
+        n = len(self._order)
+        if b == n and self._target is not None:
+            return self._target.known and a in self._target.links
+        return 0 <= a < n and 0 <= b < n and b in self._edges.of(a)
 
     def way(self, a: int, b: int) -> list[tuple[float, float]]:
         """Return where to drive from a node to a neighbour: the corners of the edge and the neighbour, metres.
@@ -344,15 +390,6 @@ class Mapper:
         best = int(np.argmin(ways)) if len(ways) else -1
         length, link = (ways[best], self._target.links[best]) if best >= 0 and np.isfinite(ways[best]) else (np.inf, -1)
         return np.append(distances, length), np.append(before, np.int32(link))
-
-    def sightings(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-        """Return the frontier cells that each viewpoint observes, those of one viewpoint behind the other's.
-
-        Returns:
-            First entry of each viewpoint, then their number, int64, shape (n + 1,); and cells as flat numbers of the
-            belief's padded grid, int32.
-        """
-        return self._utility.sightings(self._numbers, len(self._order))
 
     def _check_node(self, node: int, count: int) -> None:
         if not 0 <= node < count:

@@ -26,7 +26,7 @@ PIECE: Final = np.dtype(
         ("waits", np.bool_),  # of a square that is only partly seen, so that it may soon be another piece
         ("visited", np.bool_),
         ("exists", np.bool_),  # it has a viewpoint
-        ("spare", np.bool_),  # it has one only because no piece waits
+        ("lookout", np.bool_),  # it has one near frontiers instead of at its usual place
         ("listed", np.bool_),  # its viewpoint stands in the lists of possible edges
     ],
     align=True,
@@ -132,7 +132,7 @@ def _margins(cells: Cells, layout: Layout, j: int, i: int, most: int) -> NDArray
 
 
 @njit(cache=True, nogil=True)
-def best_place(cells: Cells, layout: Layout, j: int, i: int, label: int, most: int) -> tuple[int, int]:
+def best_place(cells: Cells, layout: Layout, j: int, i: int, label: int, most: int) -> tuple[np.int64, np.int64]:
     """Return the middle of the cell of a piece that has most space around, then is nearest to the square's centre.
 
     Args:

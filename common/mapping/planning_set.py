@@ -56,7 +56,7 @@ def _gather(
     NDArray[np.int64],
     NDArray[np.uint16],
     NDArray[np.bool_],
-    int,
+    np.int64,
 ]:
     n = len(order)
     columns = len(layout.x)
@@ -73,7 +73,7 @@ def _gather(
     for node in range(n):
         p = pieces[order[node]]
         x[node], y[node] = p.x, p.y
-        if p.centred:
+        if p.centred and not p.lookout:
             # Exactly the lattice point, without the rounding to subcells.
             positions[node, 0] = frame.lattice_x + (frame.first_i + p.square % columns) * frame.spacing
             positions[node, 1] = frame.lattice_y + (frame.first_j + p.square // columns) * frame.spacing
@@ -86,7 +86,7 @@ def _gather(
         offsets[node, 1] = np.rint((p.y - layout.y[0]) * scale)
         count = counts[order[node]]
         utility[node] = min(count, 65535) if count >= threshold else 0
-        visited[node] = p.visited
+        visited[node] = p.visited and not p.lookout
     at_x, at_y = offsets[robot, 0], offsets[robot, 1]
     farthest = np.int64(0)
     for node in range(n):
@@ -159,7 +159,7 @@ def _sparse_edges(
     lengths: NDArray[np.float64],
     bent: NDArray[np.bool_],
     spacing: float,
-) -> tuple[NDArray[np.uint8], NDArray[np.uint16], NDArray[np.uint32], NDArray[np.float32], int]:
+) -> tuple[NDArray[np.uint8], NDArray[np.uint16], NDArray[np.uint32], NDArray[np.float32], np.int64]:
     n = len(pointer) - 1
     degree = np.zeros(n, dtype=np.uint8)
     half = len(neighbours) // 2

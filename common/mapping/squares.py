@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.jit import njit
-from common.mapping.belief import Belief
+from common.mapping.cell_grid import AnchoredGrid
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 
 
@@ -56,8 +56,24 @@ def mark(layout: Layout, row: int, column: int, dirty: NDArray[np.bool_], beside
     beside[top, right] = True
 
 
+@njit(cache=True, nogil=True)
+def mark_all(layout: Layout, cells: NDArray[np.int64], dirty: NDArray[np.bool_], beside: NDArray[np.bool_]) -> None:
+    """Note that cells changed, given by their flat numbers in the padded grid; see `mark`."""
+    width = len(layout.column_of)
+    for cell in cells:
+        mark(layout, cell // width, cell % width, dirty, beside)
+
+
+def undivided(rows: int, columns: int) -> Layout:
+    """Return one square over a padded grid of so many rows and columns, for those who want no squares."""
+    point, whole = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.bool_)
+    row_begin, column_begin = np.array([[1, rows - 1], [1, columns - 1]], dtype=np.int64)
+    row_of, column_of = np.zeros(rows, dtype=np.int32), np.zeros(columns, dtype=np.int32)
+    return Layout(point, point, row_begin, column_begin, row_of, column_of, whole, whole, 0)
+
+
 def lay_out(
-    belief: Belief, lattice_origin: tuple[float, float], spacing: float, margin: int
+    belief: AnchoredGrid, lattice_origin: tuple[float, float], spacing: float, margin: int
 ) -> tuple[Layout, tuple[int, int]]:
     """Lay squares over the belief's grid.
 
@@ -77,7 +93,7 @@ def lay_out(
 
 
 def _axis(
-    belief: Belief, lattice_origin: tuple[float, float], spacing: float, axis: int, cells: int
+    belief: AnchoredGrid, lattice_origin: tuple[float, float], spacing: float, axis: int, cells: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32], NDArray[np.bool_], int]:
     """Return lattice points, beginnings, square of each cell, whole squares, number of the first point on one axis."""
     low = (belief.origin[axis] - lattice_origin[axis]) / spacing

@@ -90,6 +90,33 @@ def find_touches(
 
 
 @njit(cache=True, nogil=True)
+def forget_ways(
+    pieces: Any,
+    first_of: NDArray[np.int32],
+    layout: Layout,
+    moved: NDArray[np.int32],
+    count: NDArray[np.int32],
+    other: NDArray[np.int32],
+    length: NDArray[np.float64],
+) -> None:
+    """Forget the lengths of the ways from and to viewpoints that have moved; arguments as `find_touches` has them."""
+    columns = len(layout.x)
+    for piece in moved:
+        length[piece] = np.nan
+        j, i = pieces[piece].square // columns, pieces[piece].square % columns
+        for side in range(2):
+            from_j, from_i = j - side, i - 1 + side
+            if from_j < 0 or from_i < 0:
+                continue
+            there = first_of[from_j * columns + from_i]
+            while there >= 0:
+                for k in range(count[there, side]):
+                    if other[there, side, k] == piece:
+                        length[there, side, k] = np.nan
+                there = pieces[there].next
+
+
+@njit(cache=True, nogil=True)
 def measure_ways(
     cells: Cells,
     pieces: Any,

@@ -187,31 +187,33 @@ def _most_pairs(pieces: Any, first_of: NDArray[np.int32], rows: int, columns: in
 
 @njit(cache=True, nogil=True)
 def _sightings(
+    frontiers: NDArray[np.int64],
     numbers: NDArray[np.int32],
     nodes: int,
-    slot_cell: NDArray[np.int32],
+    slots: NDArray[np.int32],
     pair_count: NDArray[np.int32],
     pair_piece: NDArray[np.int32],
     pair_state: NDArray[np.int32],
-    used: int,
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Return the cells that each node observes, one node behind the other: first entries and flat cells."""
+    """List the pairs in sight by node; see `FrontierUtility.sightings`."""
     pointer = np.zeros(nodes + 1, dtype=np.int64)
-    for slot in range(used):
+    for f in range(len(frontiers)):
+        slot = slots[frontiers[f]]
         for k in range(pair_count[slot]):
             node = numbers[pair_piece[slot, k]]
             if node >= 0 and pair_state[slot, k] == IN_SIGHT:
                 pointer[node + 1] += 1
     for node in range(nodes):
         pointer[node + 1] += pointer[node]
+    place = pointer[:nodes].copy()
     seen = np.empty(pointer[nodes], dtype=np.int32)
-    filled = pointer[:-1].copy()
-    for slot in range(used):
+    for f in range(len(frontiers)):
+        slot = slots[frontiers[f]]
         for k in range(pair_count[slot]):
             node = numbers[pair_piece[slot, k]]
             if node >= 0 and pair_state[slot, k] == IN_SIGHT:
-                seen[filled[node]] = slot_cell[slot]
-                filled[node] += 1
+                seen[place[node]] = f
+                place[node] += 1
     return pointer, seen
 
 
@@ -268,19 +270,22 @@ class FrontierUtility:
             frontiers.lost,
         )
 
-    def sightings(self, numbers: NDArray[np.int32], nodes: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-        """Return the frontier cells that each node observes.
+    def sightings(
+        self, frontiers: NDArray[np.int64], numbers: NDArray[np.int32], nodes: int
+    ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        """Return which frontiers each node observes, from what the last update knows; nothing is looked at again.
 
         Args:
+            frontiers: flat cells of the padded grid, all of them frontiers, int64, shape (m,).
             numbers: node number of each piece, -1 without one, int32.
-            nodes: how many there are.
+            nodes: how many nodes there are.
 
         Returns:
-            First entry of each node and their number, int64, shape (nodes + 1,); and cells of the padded grid, flat,
-            int32.
+            The first entry of each node, int64, shape (nodes + 1,), and the entries: places in `frontiers`,
+            ascending for each node, int32.
         """
         pointer, seen = _sightings(
-            numbers, nodes, self._slot_cell, self._pair_count, self._pair_piece, self._pair_state, self._used
+            frontiers, numbers, nodes, self._slots, self._pair_count, self._pair_piece, self._pair_state
         )
         return pointer, seen
 

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from common.jit import njit
 from common.mapping.adjacency import Adjacency, reach
-from common.mapping.belief import Belief
 from common.mapping.candidates import forget_pairs, list_pairs, most_pairs, update_pairs
-from common.mapping.clearance import Clearance, passable
+from common.mapping.cell_grid import AnchoredGrid
+from common.mapping.clearance import SWEEP_TOLERANCE, Clearance, passable, sweep
+from common.mapping.lookouts import find_lookouts
 from common.mapping.pieces import (
     NOWHERE,
     PIECE,
@@ -30,7 +31,7 @@ from common.mapping.pieces import (
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 from common.mapping.sight import CLEAR, NOTHING_LOST, Box, blocker
 from common.mapping.squares import Layout, lay_out
-from common.mapping.touches import find_touches, measure_ways
+from common.mapping.touches import find_touches, forget_ways, measure_ways
 from common.mapping.ways import way_between, way_inside
 
 # The longest straight edge, spacings: on a lattice, the 20 nearest viewpoints lie within it.
@@ -39,6 +40,8 @@ LONGEST_EDGE: Final = 5.0**0.5
 PLACE_MARGIN: Final = 0.5
 # A robot beside clear space is taken to the nearest clear cell within this, metres beyond its radius.
 MARGIN_REACH: Final = 0.5
+# So near to a place where the robot has been, another look shows nothing new, metres.
+BEEN_REACH: Final = 0.3
 Pairs = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
 Touches = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]
 _NO_PIECES: Final = np.zeros(0, dtype=np.int32)
@@ -159,7 +162,7 @@ def _settle(
                     p = pieces[piece]
                     p.x, p.y, p.square, p.label, p.next = x, y, square, label, NOWHERE
                     p.cell, p.alive, p.centred, p.waits = first_cell[label], True, label == centre, waits
-                    p.visited = visited[label]
+                    p.visited, p.lookout = visited[label], False
                     if last < 0:
                         first_of[square] = piece
                     else:
@@ -183,6 +186,7 @@ def _choose(
     touch_other: NDArray[np.int32],
     robot: int,
     everywhere: bool,
+    lookouts: NDArray[np.int64],
     margin: int,
     fresh: NDArray[np.int32],
     ended: NDArray[np.int32],
@@ -198,6 +202,7 @@ def _choose(
         touch_other: see `find_touches`.
         robot: piece where the robot stands, -1 for none.
         everywhere: no piece waits.
+        lookouts: place of each piece near frontiers, subcells, int64, shape (used, 2); -1 for its usual one.
         margin: space around a place that counts at most, cells.
         fresh: receives the pieces whose viewpoint is new, int32.
         ended: receives the living pieces whose viewpoint ends, int32.
@@ -222,19 +227,22 @@ def _choose(
         p = pieces[piece]
         if not p.alive:
             continue
-        needed = not p.waits or p.visited or beside[piece] or piece == robot
-        exists = needed or everywhere
-        p.spare = not needed
-        if exists and not p.exists:
-            if p.x < 0:
-                square = p.square
-                x, y = best_place(cells, layout, square // columns, square % columns, p.label, margin)
-                p.x, p.y = x, y
-            fresh[fresh_count] = piece
-            fresh_count += 1
-        elif p.exists and not exists:
+        exists = not p.waits or p.visited or beside[piece] or piece == robot or everywhere
+        x, y = lookouts[piece]
+        is_lookout = x >= 0
+        if not is_lookout and (p.x < 0 or p.lookout):
+            j, i = p.square // columns, p.square % columns
+            x, y = (layout.x[i], layout.y[j]) if p.centred else best_place(cells, layout, j, i, p.label, margin)
+        moves = x >= 0 and (x != p.x or y != p.y)
+        if p.exists and (moves or not exists):
             ended[ended_count] = piece
             ended_count += 1
+        if exists and (moves or not p.exists):
+            fresh[fresh_count] = piece
+            fresh_count += 1
+        if moves and exists:
+            p.x, p.y = x, y
+        p.lookout = is_lookout
         p.exists = exists
     return fresh_count, ended_count
 
@@ -242,13 +250,33 @@ def _choose(
 @njit(cache=True, nogil=True)
 def _piece_of(cells: Cells, layout: Layout, pieces: Any, first_of: NDArray[np.int32], x: int, y: int, most: int) -> int:
     """Return the piece that holds a point, or the nearest clear cell that the point sees; -1 for none."""
-    row, column = y >> SUBCELL_BITS, x >> SUBCELL_BITS
+    # A place on the border of squares belongs to the first of them: of equally near viewpoints it has the lower number.
+    row, column = (y - 1) >> SUBCELL_BITS, (x - 1) >> SUBCELL_BITS
     if not (1 <= row < len(cells.clear) // cells.width - 1 and 1 <= column < cells.width - 1):
         return NOWHERE
     cell = row * cells.width + column
     if not cells.labels[cell]:
-        cell = _nearest_clear(cells, x, y, most)
+        cell = nearest_clear(cells, x, y, most)
     return piece_at(pieces, first_of, cells, layout, cell) if cell >= 0 else NOWHERE
+
+
+@njit(cache=True, nogil=True)
+def _pieces_at(
+    cells: Cells,
+    layout: Layout,
+    pieces: Any,
+    first_of: NDArray[np.int32],
+    x: NDArray[np.int64],
+    y: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """Return the piece that holds each point, -1 where none does."""
+    height = len(cells.clear) // cells.width
+    found = np.full(len(x), NOWHERE, dtype=np.int64)
+    for k in range(len(x)):
+        row, column = y[k] >> SUBCELL_BITS, x[k] >> SUBCELL_BITS
+        if 1 <= row < height - 1 and 1 <= column < cells.width - 1:
+            found[k] = piece_at(pieces, first_of, cells, layout, row * cells.width + column)
+    return found
 
 
 @njit(cache=True, nogil=True)
@@ -293,6 +321,8 @@ def _renew_viewpoints(
     clear_reach: int,
     visit_reach: int,
     everywhere: bool,
+    frontiers: NDArray[np.int32],
+    been_reach: int,
     pairs: Pairs,
     touches: Touches,
 ) -> tuple[int, NDArray[np.int32], int, NDArray[np.int32], NDArray[np.int32], int]:
@@ -313,8 +343,13 @@ def _renew_viewpoints(
     here = _locate(cells, layout, pieces, first_of, robot, clear_reach, visit_reach, margin)
     fresh = np.empty(used, dtype=np.int32)
     ended = np.empty(used + gone_count, dtype=np.int32)
+    lookouts = np.full((used, 2), NOWHERE, dtype=np.int64)
+    if everywhere and here >= 0:
+        cells.been[(robot[1] >> SUBCELL_BITS) * cells.width + (robot[0] >> SUBCELL_BITS)] = True
+        pieces[here].visited = True
+        find_lookouts(cells, layout, pieces, first_of, frontiers, clear_reach, been_reach, lookouts)
     fresh_count, ended_count = _choose(
-        cells, layout, pieces, used, touch_count, touched, here, everywhere, margin, fresh, ended
+        cells, layout, pieces, used, touch_count, touched, here, everywhere, lookouts, margin, fresh, ended
     )
     for k in range(gone_count):
         if pieces[gone[k]].exists:
@@ -322,6 +357,7 @@ def _renew_viewpoints(
             ended[ended_count] = gone[k]
             ended_count += 1
     forget_pairs(pieces, first_of, layout, ended[:ended_count], pairs[0], pairs[1], pairs[2])
+    forget_ways(pieces, first_of, layout, fresh[:fresh_count], touch_count, touched, length)
     most = most_pairs(pieces, first_of, layout, fresh[:fresh_count])
     return free_count, gone[:gone_count].copy(), here, fresh[:fresh_count].copy(), ended[:ended_count].copy(), most
 
@@ -352,23 +388,33 @@ def _renew_edges(
     list_pairs(cells, pieces, first_of, layout, fresh, edge_reach, count, other, state)
     touch_count, touched, length = touches
     measure_ways(cells, pieces, len(pieces), layout, count, other, state, touch_count, touched, length)
+    columns = len(layout.x)
     for moved in (fresh, ended):
         for piece in moved:
-            row, column = pieces[piece].y >> SUBCELL_BITS, pieces[piece].x >> SUBCELL_BITS
+            # A viewpoint that moved was, and is, somewhere in its square.
+            j, i = pieces[piece].square // columns, pieces[piece].square % columns
+            top, left = layout.row_begin[j], layout.column_begin[i]
+            bottom, right = layout.row_begin[j + 1] - 1, layout.column_begin[i + 1] - 1
             if box[1] < 0:
-                box = (row, row, column, column)
+                box = (top, bottom, left, right)
             else:
-                box = (min(box[0], row), max(box[1], row), min(box[2], column), max(box[3], column))
+                box = (min(box[0], top), max(box[1], bottom), min(box[2], left), max(box[3], right))
     return box
 
 
 @njit(cache=True, nogil=True)
-def _nearest_clear(cells: Cells, x: int, y: int, most: int) -> int:
-    """Return the nearest passable cell whose middle a point sees through free space, flat, -1 when there is none."""
+def nearest_clear(cells: Cells, x: int, y: int, most: int) -> int:
+    """Return the nearest passable cell that a point in the margin of clear space can be driven to, flat, -1 for none.
+
+    The line to the middle of the cell is free, and comes no nearer to what is not than the point is, if there is such a
+    cell.
+    """
     width = cells.width
     height = len(cells.clear) // width
     row, column = y >> SUBCELL_BITS, x >> SUBCELL_BITS
-    best, best_far = -1, np.int64(0)
+    from_x, from_y = x / SUBCELLS, y / SUBCELLS
+    gap = sweep(cells.belief, width, from_x, from_y, from_x, from_y, float(most))
+    best, best_far, best_keeps = -1, 0, False
     for r in range(max(row - most, 1), min(row + most, height - 2) + 1):
         for c in range(max(column - most, 1), min(column + most, width - 2) + 1):
             if not passable(cells.clear[r * width + c]):
@@ -376,8 +422,14 @@ def _nearest_clear(cells: Cells, x: int, y: int, most: int) -> int:
             to_x = (c << SUBCELL_BITS) + SUBCELLS // 2
             to_y = (r << SUBCELL_BITS) + SUBCELLS // 2
             far = (to_x - x) ** 2 + (to_y - y) ** 2
-            if (best < 0 or far < best_far) and blocker(cells.belief, width, x, y, to_x, to_y) == CLEAR:
-                best, best_far = r * width + c, far
+            if best >= 0 and best_keeps and far >= best_far:
+                continue
+            if blocker(cells.belief, width, x, y, to_x, to_y) != CLEAR:
+                continue
+            around = sweep(cells.belief, width, from_x, from_y, to_x / SUBCELLS, to_y / SUBCELLS, gap)
+            keeps = around >= gap - SWEEP_TOLERANCE
+            if best < 0 or (keeps and not best_keeps) or (keeps == best_keeps and far < best_far):
+                best, best_far, best_keeps = r * width + c, far, keeps
     return best
 
 
@@ -391,7 +443,9 @@ class ViewpointGraph:
 
     At the rim of known space squares are seen in part, and a piece of such a square is seldom what it will be. So a
     piece waits for its lattice point while its square is partly unknown and no wall was seen in it, as long as the
-    robot has not been next door: from there it would have seen the lattice point, if there were a way to it.
+    robot has not been next door: from there it would have seen the lattice point, if there were a way to it. Once
+    nothing else is left to look at, no piece waits, and viewpoints move to where frontiers beside their pieces can be
+    seen from near (`common.mapping.lookouts`).
 
     Attributes:
         layout: the squares.
@@ -407,7 +461,7 @@ class ViewpointGraph:
 
     def __init__(
         self,
-        belief: Belief,
+        belief: AnchoredGrid,
         lattice_origin: tuple[float, float],
         spacing: float,
         radius: float = 0.0,
@@ -428,16 +482,16 @@ class ViewpointGraph:
         self.layout, self.first = lay_out(belief, lattice_origin, spacing, self._margin)
         self._clearance = Clearance(belief, radius)
         shape = belief.padded.shape
-        been = np.zeros(shape, dtype=np.bool_)
+        been: NDArray[np.bool_] = np.zeros(shape, dtype=np.bool_)
         self._first_cell = belief.first_cell
         if previous is not None:
             down, right = (a - b for a, b in zip(previous._first_cell, self._first_cell, strict=True))
             # Without their rings: an empty grid lies nowhere.
-            known = previous._been[1:-1, 1:-1]
+            known: NDArray[np.bool_] = previous._been[1:-1, 1:-1]
             rows, columns = known.shape
             if known.size:
                 been[down + 1 : down + 1 + rows, right + 1 : right + 1 + columns] = known
-        self._been = been
+        self._been: NDArray[np.bool_] = been
         self.cells = Cells(
             belief=belief.padded.reshape(-1),
             clear=self._clearance.grid.reshape(-1),
@@ -450,6 +504,7 @@ class ViewpointGraph:
         self._counts = np.zeros(squares, dtype=np.int32)
         self.first_of = np.full(squares[0] * squares[1], NOWHERE, dtype=np.int32)
         self._resolution = belief.resolution
+        self._been_reach = max(round(BEEN_REACH / belief.resolution), 1)
         # The robot is at its viewpoint within half a spacing.
         self._visit_reach = round(spacing / belief.resolution * SUBCELLS) // 2
         self._clear_reach = ceil((radius + MARGIN_REACH) / belief.resolution)
@@ -476,14 +531,22 @@ class ViewpointGraph:
         """How many pieces are in use at most: their numbers are below."""
         return len(self.pieces)
 
-    def update(self, changed: Box | None, lost: Box, robot: tuple[int, int], *, everywhere: bool = False) -> None:
+    @property
+    def edge_lists(self) -> tuple[Pairs, Touches]:
+        """All possible edges, connected with the robot or not, as `candidates` and `touches` keep them."""
+        return self._pairs, self._touches
+
+    def update(
+        self, changed: Box | None, lost: Box, robot: tuple[int, int], *, frontiers: NDArray[np.int32] | None = None
+    ) -> None:
         """Bring clear space, pieces, viewpoints and edges up to date.
 
         Args:
             changed: box of all cells of the belief that changed, whose squares `dirty` names; None for none.
             lost: box of those that are free no more; its second number is -1 when there are none.
             robot: where the robot stands, subcells.
-            everywhere: no piece waits for its lattice point.
+            frontiers: all frontier cells, flat, int32, when nothing else is left to look at: then no piece waits for
+                its lattice point, and viewpoints move to lookouts. None otherwise.
         """
         cells, layout = self.cells, self.layout
         self._release()
@@ -498,8 +561,8 @@ class ViewpointGraph:
                 self._reserve(self.used + max(self.used, total))
         self._free_count, self._gone, self.robot, self.fresh, self.ended, most = _renew_viewpoints(
             cells, layout, self.pieces, self.first_of, changed is not None, self.dirty, self._counts, self._free,
-            self._free_count, self._margin, robot, self._clear_reach, self._visit_reach, everywhere, self._pairs,
-            self._touches,
+            self._free_count, self._margin, robot, self._clear_reach, self._visit_reach, frontiers is not None,
+            _NO_PIECES if frontiers is None else frontiers, self._been_reach, self._pairs, self._touches,
         )  # fmt: skip
         self._reserve_pairs(most)
         self.changed = _renew_edges(
@@ -511,18 +574,20 @@ class ViewpointGraph:
         """Return the piece that holds a point, subcells; beside clear space the nearest in a free line; -1 for none."""
         return int(_piece_of(self.cells, self.layout, self.pieces, self.first_of, *point, self._clear_reach))
 
-    def reachable(self, *, spare: bool = True) -> tuple[NDArray[np.int32], NDArray[np.int32], Adjacency]:
-        """Number the viewpoints that edges connect with that of the robot's piece.
+    def pieces_at(self, x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the piece that holds each point, subcells; -1 where none does, int64, shape of ``x``."""
+        found: NDArray[np.int64] = _pieces_at(self.cells, self.layout, self.pieces, self.first_of, x, y)
+        return found
 
-        Args:
-            spare: those that exist only because no piece waits count as well.
+    def reachable(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Adjacency]:
+        """Number the viewpoints that edges connect with that of the robot's piece.
 
         Returns:
             The piece of each node, int32, shape (n,); the node number of each piece, -1 without one, int32, shape
             (used,); and the edges.
         """
         order, numbers, *edges = reach(
-            self.pieces, self.used, self.first_of, self.robot, spare, self._pairs, self._touches, self._resolution
+            self.pieces, self.used, self.first_of, self.robot, self._pairs, self._touches, self._resolution
         )
         return order, numbers, Adjacency(*edges)
 
@@ -554,7 +619,7 @@ class ViewpointGraph:
         cells = self.cells
         if cells.labels[(point[1] >> SUBCELL_BITS) * cells.width + (point[0] >> SUBCELL_BITS)]:
             return point
-        cell = int(_nearest_clear(cells, *point, self._clear_reach))
+        cell = int(nearest_clear(cells, *point, self._clear_reach))
         return (cell % cells.width) * SUBCELLS + SUBCELLS // 2, (cell // cells.width) * SUBCELLS + SUBCELLS // 2
 
     def _release(self) -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from common.planners.grid_search import a_star
-from common.planners.navigation import LatticeNavigator
+from common.planners.graph_search import a_star
+from common.planners.navigation import GraphNavigator
 
 
-class AStarPlanner(LatticeNavigator):
-    """Follow a shortest path over the viewpoint lattice, unknown space taken as free, searched anew at each decision.
+class AStarPlanner(GraphNavigator):
+    """Follow a shortest path over the viewpoint graph, unknown space taken as free, searched anew at each decision.
 
     P. E. Hart, N. J. Nilsson, B. Raphael: "A Formal Basis for the Heuristic Determination of Minimum Cost Paths", IEEE
     Transactions on Systems Science and Cybernetics, 1968.
@@ -20,7 +20,6 @@ class AStarPlanner(LatticeNavigator):
     name = "astar"
 
     def search(self, start: int) -> tuple[int, list[int]]:
-        """Search the shortest path; see `LatticeNavigator.search`."""
-        lattice = self.lattice
-        units, path, _ = a_star(lattice.edges, lattice.goal_units, lattice.heuristic, start)
-        return units, path
+        """Search the shortest path; see `GraphNavigator.search`."""
+        length, path, _ = a_star(self.graph.graph, start)
+        return length, path

@@ -10,12 +10,11 @@ import numpy as np
 
 from common.config.schema import MappingConfig
 from common.errors import ConfigError
-from common.geometry import Pose
-from common.mapping.mapper import Mapper
 from common.mapping.raycast import SUBCELLS
 from common.mapping.sight import CLEAR, FREE, Box, blocker
-from common.planners.base import Plan, Position, Status
+from common.planners.base import Position
 from common.planners.free_space import FreeSpacePlanner
+from common.planners.possible_space import to_metres
 
 # The search stops after this many edges and vertices for each sample that it may draw, whatever the queue holds.
 ITERATIONS_PER_SAMPLE: Final = 50
@@ -75,15 +74,18 @@ class BitStarPlanner(FreeSpacePlanner):
         super().begin(target, seed)
         self._random = np.random.default_rng(seed)
 
-    def route(self, pose: Pose, target: Position, changed: Box | None) -> list[Position] | None:
-        """Search with a fresh tree; the grid as it is now is all that matters."""
+    def take_in(self, changed: Box | None) -> None:
+        """Do nothing: each search begins anew, with the grid as it is."""
         del changed
+
+    def route(self, start: Position, goal: Position) -> list[Position] | None:
+        """Search with a fresh tree."""
         base, geometric, util = self._ompl
         util.RNG.setSeed(int(self._random.integers(1, 1 << 31)))
         information, space = self._space()
         problem = base.ProblemDefinition(information)
         ends = []
-        for position in (pose.position, target):
+        for position in (start, goal):
             state = space.allocState()
             state[0], state[1] = self._plane(position)
             ends.append(state)
@@ -105,31 +107,25 @@ class BitStarPlanner(FreeSpacePlanner):
         if not problem.hasExactSolution():
             return None
         states = problem.getSolutionPath().getStates()
-        step, (x, y) = self.grid.resolution, self.grid.origin
-        return [(x + state[0] * step, y + state[1] * step) for state in states[1:-1]] + [target]
-
-    def no_route(self, mapper: Mapper, target: Position) -> Plan:
-        """Say that chance has not found a way that may be there."""
-        del mapper, target
-        samples = self._samples * self._max_batches
-        return Plan(Status.STUCK, reason=f"{samples} samples gave no path: raise samples_per_batch or max_batches")
+        points = np.array([(state[0], state[1]) for state in states[1:-1]]).reshape(-1, 2) * SUBCELLS
+        return [*to_metres(self.space.world, points), goal]
 
     def _plane(self, position: Position) -> Position:
-        """Return a position in cells of the grid."""
-        step, (x, y) = self.grid.resolution, self.grid.origin
-        return (position[0] - x) / step, (position[1] - y) / step
+        """Return a position in cells of the padded grid."""
+        x, y = self.space.world.subcells(position)
+        return x / SUBCELLS, y / SUBCELLS
 
     def _space(self) -> tuple[Any, Any]:
         """Return the plane of the grid with its obstacles, as OMPL wants it."""
         base = self._ompl[0]
-        cells = self.grid.possible
+        cells = self.space.clear
         flat, (rows, columns) = cells.reshape(-1), cells.shape
 
         def free(state: Any) -> bool:
             return bool(cells[floor(state[1]), floor(state[0])] == FREE)
 
         class Segments(base.MotionValidator):  # type: ignore[misc, name-defined]
-            """Exact line of sight through cells that are not occupied."""
+            """Exact line of sight through cells that are clear."""
 
             def checkMotion(self, a: Any, b: Any) -> bool:  # noqa: N802
                 x0, y0 = round(a[0] * SUBCELLS), round(a[1] * SUBCELLS)

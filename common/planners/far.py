@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import ceil, isfinite
 
-from common.geometry import Pose
-from common.mapping.mapper import Mapper
-from common.mapping.sight import Box
-from common.planners.base import Plan, Position, Status
+import numpy as np
+
+from common.mapping.clearance import CLEAR_CELL
+from common.mapping.raycast import SUBCELLS
+from common.mapping.sight import FREE, OCCUPIED, Box
+from common.planners.base import Position
 from common.planners.free_space import FreeSpacePlanner
+from common.planners.possible_space import to_metres
 from common.planners.visibility_graph import VisibilityGraph
 
 
@@ -38,25 +41,24 @@ class FarPlanner(FreeSpacePlanner):
         super().begin(target, seed)
         self._graph = VisibilityGraph()
 
-    def route(self, pose: Pose, target: Position, changed: Box | None) -> list[Position] | None:
-        """Correct the graph and search it; see `FreeSpacePlanner.route`."""
-        grid = self.grid
-        if grid.resized:
+    def take_in(self, changed: Box | None) -> None:
+        """Correct the graph."""
+        clear = self.space.clear
+        if self.space.resized:
             self._graph.clear()
         if changed is not None:
-            self._graph.update(grid.possible, changed)
-        length, path = self._graph.path(grid.possible, grid.subcells(pose.position), grid.subcells(target))
+            # The end of the grid is no obstacle: nothing is known there.
+            ring = ceil(self.config.robot_radius / self.config.resolution) + 2
+            self._cells = np.zeros(clear.shape, dtype=np.int8)
+            inside = np.s_[ring:-ring, ring:-ring]
+            self._cells[inside] = np.where(clear[inside] == CLEAR_CELL, FREE, OCCUPIED)
+            self._graph.update(self._cells, changed)
+
+    def route(self, start: Position, goal: Position) -> list[Position] | None:
+        """Search the graph; see `FreeSpacePlanner.route`."""
+        world = self.space.world
+        length, path = self._graph.path(self._cells, world.subcells(start), world.subcells(goal))
         if not isfinite(length):
             return None
-        step, (x, y) = grid.resolution, grid.origin
-        corners = self._graph.corners[path, :2].tolist()
-        return [(x + column * step, y + row * step) for column, row in corners] + [target]
-
-    def no_route(self, mapper: Mapper, target: Position) -> Plan:
-        """Say that every way is narrower than polygons can tell."""
-        del mapper
-        return Plan(
-            Status.UNREACHABLE,
-            reason=f"no way to the target ({target[0]:.2f}, {target[1]:.2f}) passes between the obstacles: what is "
-            "narrower than two cells counts as closed",
-        )
+        corners = self._graph.corners[path, :2].astype(np.int64) * SUBCELLS
+        return [*to_metres(world, corners), goal]

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.jit import njit
-from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS
-from common.planners.grid_search import EDGE_UNITS, NO_WAY, straight_lengths
+from common.planners.graph_search import NO_WAY, GoalGraph, straight_length
 
 # Places in the array of scalars that the kernels share: entries of the queue, key modifier, expansions so far.
 _SIZE: Final = 0
@@ -73,13 +72,17 @@ def _remove(
 
 @njit(cache=True, nogil=True)
 def _key(
-    key: NDArray[np.int64], cost: NDArray[np.int64], modifier: int, straight: NDArray[np.int64], start: int, node: int
+    key: NDArray[np.int64],
+    cost: NDArray[np.int64],
+    modifier: int,
+    x: NDArray[np.int64],
+    y: NDArray[np.int64],
+    start: int,
+    node: int,
 ) -> None:
     """CalculateKey(s): fill in ``[min(g, rhs) + h(s_start, s) + k_m, min(g, rhs)]``."""
-    columns = straight.shape[1]
     smaller = min(cost[node, 0], cost[node, 1])
-    h = straight[abs(node // columns - start // columns), abs(node % columns - start % columns)]
-    key[0] = min(smaller + h + modifier, NO_WAY)
+    key[0] = min(smaller + straight_length(x[node] - x[start], y[node] - y[start]) + modifier, NO_WAY)
     key[1] = smaller
 
 
@@ -91,7 +94,8 @@ def _update_vertex(
     nodes: NDArray[np.int32],
     where: NDArray[np.int32],
     scalars: NDArray[np.int64],
-    straight: NDArray[np.int64],
+    x: NDArray[np.int64],
+    y: NDArray[np.int64],
     start: int,
     node: int,
 ) -> None:
@@ -100,7 +104,7 @@ def _update_vertex(
         if where[node] >= 0:
             _remove(keys, nodes, where, scalars, node)
         return
-    _key(key, cost, scalars[_MODIFIER], straight, start, node)
+    _key(key, cost, scalars[_MODIFIER], x, y, start, node)
     place = where[node]
     if place < 0:
         place = scalars[_SIZE]
@@ -110,34 +114,31 @@ def _update_vertex(
 
 @njit(cache=True, nogil=True)
 def _best_successor(
-    edges: NDArray[np.uint32],
-    goal_units: NDArray[np.int64],
-    offsets: NDArray[np.int16],
+    pointer: NDArray[np.int64],
+    neighbours: NDArray[np.int32],
     costs: NDArray[np.int64],
+    goal_costs: NDArray[np.int64],
     cost: NDArray[np.int64],
     node: int,
 ) -> tuple[int, int]:
     """Return min over successors s' of c(s, s') + g(s'), and the successor, -1 for the goal itself."""
-    columns = edges.shape[1]
-    best, successor, edge = goal_units[node], -1, 0
-    mask = edges[node // columns, node % columns]
-    for k in range(NEIGHBOUR_COUNT):
-        if (mask >> np.uint32(k)) & np.uint32(1):
-            there = node + offsets[k, 1] * columns + offsets[k, 0]
-            total = costs[k] + cost[there, 0]
-            # Of equally good ways the robot sees more on the one with the shorter edge.
-            if total < best or (total == best and successor >= 0 and costs[k] < edge):
-                best, successor, edge = total, there, costs[k]
+    best, successor, edge = goal_costs[node], -1, 0
+    for k in range(pointer[node], pointer[node + 1]):
+        total = costs[k] + cost[neighbours[k], 0]
+        # Of equally good ways the robot sees more on the one with the shorter edge.
+        if total < best or (total == best and successor >= 0 and costs[k] < edge):
+            best, successor, edge = total, neighbours[k], costs[k]
     return min(best, NO_WAY), successor
 
 
 @njit(cache=True, nogil=True)
 def _search(
-    edges: NDArray[np.uint32],
-    goal_units: NDArray[np.int64],
-    offsets: NDArray[np.int16],
+    x: NDArray[np.int64],
+    y: NDArray[np.int64],
+    pointer: NDArray[np.int64],
+    neighbours: NDArray[np.int32],
     costs: NDArray[np.int64],
-    straight: NDArray[np.int64],
+    goal_costs: NDArray[np.int64],
     cost: NDArray[np.int64],
     keys: NDArray[np.int64],
     nodes: NDArray[np.int32],
@@ -146,15 +147,14 @@ def _search(
     start: int,
 ) -> None:
     """ComputeShortestPath()."""
-    columns = edges.shape[1]
     key = np.empty(2, dtype=np.int64)
     start_key = np.empty(2, dtype=np.int64)
     while scalars[_SIZE]:
-        _key(start_key, cost, scalars[_MODIFIER], straight, start, start)
+        _key(start_key, cost, scalars[_MODIFIER], x, y, start, start)
         if not (_less(keys[0], start_key) or cost[start, 1] > cost[start, 0]):
             break
         u = nodes[0]
-        _key(key, cost, scalars[_MODIFIER], straight, start, u)
+        _key(key, cost, scalars[_MODIFIER], x, y, start, u)
         if _less(keys[0], key):
             _settle(keys, nodes, where, scalars[_SIZE], 0, key, u)
             continue
@@ -166,47 +166,120 @@ def _search(
             _remove(keys, nodes, where, scalars, u)
         else:
             cost[u, 0] = NO_WAY
-            _update_vertex(key, cost, keys, nodes, where, scalars, straight, start, u)
-        mask = edges[u // columns, u % columns]
-        for k in range(NEIGHBOUR_COUNT):
-            if not (mask >> np.uint32(k)) & np.uint32(1):
-                continue
-            s = u + offsets[k, 1] * columns + offsets[k, 0]
+            _update_vertex(key, cost, keys, nodes, where, scalars, x, y, start, u)
+        for k in range(pointer[u], pointer[u + 1]):
+            s = neighbours[k]
             if lowered:
                 if costs[k] + cost[u, 0] >= cost[s, 1]:
                     continue
                 cost[s, 1] = costs[k] + cost[u, 0]
             elif cost[s, 1] == costs[k] + old:
-                cost[s, 1] = _best_successor(edges, goal_units, offsets, costs, cost, s)[0]
+                cost[s, 1] = _best_successor(pointer, neighbours, costs, goal_costs, cost, s)[0]
             else:
                 continue
-            _update_vertex(key, cost, keys, nodes, where, scalars, straight, start, s)
+            _update_vertex(key, cost, keys, nodes, where, scalars, x, y, start, s)
+
+
+@njit(cache=True, nogil=True)
+def _match(
+    old_x: NDArray[np.int64], old_y: NDArray[np.int64], x: NDArray[np.int64], y: NDArray[np.int64]
+) -> NDArray[np.int32]:
+    """Return the new number of each old place, -1 for those that are no more."""
+    new_of = np.full(len(old_x), -1, dtype=np.int32)
+    new = 0
+    for old in range(len(old_x)):
+        while new < len(x) and (y[new] < old_y[old] or (y[new] == old_y[old] and x[new] < old_x[old])):
+            new += 1
+        if new < len(x) and x[new] == old_x[old] and y[new] == old_y[old]:
+            new_of[old] = new
+    return new_of
+
+
+@njit(cache=True, nogil=True)
+def _renumber(
+    new_of: NDArray[np.int32],
+    n: int,
+    old_cost: NDArray[np.int64],
+    old_keys: NDArray[np.int64],
+    old_nodes: NDArray[np.int32],
+    scalars: NDArray[np.int64],
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int32], NDArray[np.int32]]:
+    """Carry g, rhs and the queue over to the numbers of another graph; places that are no more leave the queue."""
+    cost = np.full((n, 2), NO_WAY, dtype=np.int64)
+    for old in range(len(new_of)):
+        if new_of[old] >= 0:
+            cost[new_of[old], 0], cost[new_of[old], 1] = old_cost[old, 0], old_cost[old, 1]
+    keys = np.empty((n, 2), dtype=np.int64)
+    nodes = np.empty(n, dtype=np.int32)
+    where = np.full(n, -1, dtype=np.int32)
+    size = 0
+    for place in range(scalars[_SIZE]):
+        node = new_of[old_nodes[place]]
+        if node >= 0:
+            _settle(keys, nodes, where, size + 1, size, old_keys[place], node)
+            size += 1
+    scalars[_SIZE] = size
+    return cost, keys, nodes, where
+
+
+@njit(cache=True, nogil=True)
+def _changed(
+    new_of: NDArray[np.int32],
+    old_pointer: NDArray[np.int64],
+    old_neighbours: NDArray[np.int32],
+    old_costs: NDArray[np.int64],
+    old_goal_costs: NDArray[np.int64],
+    pointer: NDArray[np.int64],
+    neighbours: NDArray[np.int32],
+    costs: NDArray[np.int64],
+    goal_costs: NDArray[np.int64],
+) -> NDArray[np.bool_]:
+    """Return which vertices are new, or have other edges or another last leg than before."""
+    changed = np.ones(len(pointer) - 1, dtype=np.bool_)
+    for old in range(len(new_of)):
+        node = new_of[old]
+        if node < 0:
+            continue
+        begin, old_begin = pointer[node], old_pointer[old]
+        count = pointer[node + 1] - begin
+        same = count == old_pointer[old + 1] - old_begin and goal_costs[node] == old_goal_costs[old]
+        k = 0
+        while same and k < count:
+            same = (
+                new_of[old_neighbours[old_begin + k]] == neighbours[begin + k]
+                and old_costs[old_begin + k] == costs[begin + k]
+            )
+            k += 1
+        changed[node] = not same
+    return changed
 
 
 @njit(cache=True, nogil=True)
 def _change(
-    edges: NDArray[np.uint32],
-    goal_units: NDArray[np.int64],
-    offsets: NDArray[np.int16],
+    x: NDArray[np.int64],
+    y: NDArray[np.int64],
+    pointer: NDArray[np.int64],
+    neighbours: NDArray[np.int32],
     costs: NDArray[np.int64],
-    straight: NDArray[np.int64],
+    goal_costs: NDArray[np.int64],
     cost: NDArray[np.int64],
     keys: NDArray[np.int64],
     nodes: NDArray[np.int32],
     where: NDArray[np.int32],
     scalars: NDArray[np.int64],
     start: int,
-    changed: NDArray[np.int64],
+    changed: NDArray[np.bool_],
 ) -> None:
     """Recompute rhs of the vertices whose edges changed, and queue those that became inconsistent."""
     key = np.empty(2, dtype=np.int64)
-    for u in changed:
-        cost[u, 1] = _best_successor(edges, goal_units, offsets, costs, cost, u)[0]
-        _update_vertex(key, cost, keys, nodes, where, scalars, straight, start, u)
+    for u in range(len(changed)):
+        if changed[u]:
+            cost[u, 1] = _best_successor(pointer, neighbours, costs, goal_costs, cost, u)[0]
+            _update_vertex(key, cost, keys, nodes, where, scalars, x, y, start, u)
 
 
 class IncrementalSearch:
-    """D* Lite on the lattice, in its final form (Koenig and Likhachev 2002, figure 4).
+    """D* Lite, in its final form (Koenig and Likhachev 2002, figure 4), on a graph whose places come and go.
 
     It searches from the goal to the robot and keeps g, rhs and the queue between calls, so that a change of edges costs
     no more than the vertices whose distance to the goal it touches *and* that matter for the robot's path. The queue's
@@ -214,20 +287,26 @@ class IncrementalSearch:
 
     Usage::
 
-        search = IncrementalSearch(shape)
-        units = search.replan(edges, goal_units, start)  # after any change, or any move of the robot
+        search = IncrementalSearch()
+        length = search.replan(graph, start)  # after any change, or any move of the robot
         path = search.path()
 
-    The goal is no lattice point: it is tied to lattice points by its last legs, and it counts as expanded from the
-    beginning.
-
-    Attributes:
-        expanded: vertices expanded since the start.
+    The goal is no vertex: it is tied to vertices by its last legs, and it counts as expanded from the beginning. What
+    is known of a place is kept as long as each graph holds a vertex there, whatever its number. All that was joined to
+    a place that is no more has other edges than before, so nothing is left that was derived from it.
     """
 
-    def __init__(self, shape: tuple[int, int]) -> None:
-        """Start on a lattice of (rows, columns) without edges."""
-        self._allocate(shape)
+    def __init__(self) -> None:
+        """Start without a graph."""
+        nothing = np.zeros(0, dtype=np.int64)
+        no_nodes = np.zeros(0, dtype=np.int32)
+        self._graph = GoalGraph(nothing, nothing, np.zeros(1, np.int64), no_nodes, nothing, nothing, nothing)
+        # g and rhs of each vertex.
+        self._cost = np.zeros((0, 2), dtype=np.int64)
+        self._keys = np.zeros((0, 2), dtype=np.int64)
+        self._nodes = no_nodes
+        # Place of each vertex in the queue, -1 for none.
+        self._where = no_nodes
         self._scalars = np.zeros(3, dtype=np.int64)
         self._start = -1
 
@@ -236,78 +315,59 @@ class IncrementalSearch:
         """Vertices expanded since the start."""
         return int(self._scalars[_EXPANDED])
 
-    def extend(self, shape: tuple[int, int], down: int, left: int) -> None:
-        """Grow the lattice to `shape`: what is known goes on, `down` new rows before it and `left` new columns."""
-        rows, columns = self._edges.shape
-        edges, goal_units, cost, nodes = self._edges, self._goal_units, self._cost, self._nodes
-        keys, size = self._keys, int(self._scalars[_SIZE])
-        self._allocate(shape)
-        part = np.s_[down : down + rows, left : left + columns]
-        self._edges[part] = edges
-        self._goal_units.reshape(shape)[part] = goal_units.reshape(rows, columns)
-        self._cost.reshape(*shape, 2)[part] = cost.reshape(rows, columns, 2)
-        self._keys[:size] = keys[:size]
-        self._nodes[:size] = (nodes[:size] // columns + down) * shape[1] + nodes[:size] % columns + left
-        self._where[self._nodes[:size]] = np.arange(size, dtype=np.int32)
-        if self._start >= 0:
-            self._start = (self._start // columns + down) * shape[1] + self._start % columns + left
-
-    def replan(self, edges: NDArray[np.uint32], goal_units: NDArray[np.int64], start: int) -> int:
-        """Take in the edges as they are now, and the robot's place, and return the length of a shortest path.
+    def replan(self, graph: GoalGraph, start: int) -> int:
+        """Take in the graph as it is now, and the robot's place, and return the length of a shortest path.
 
         Args:
-            edges: 20-bit masks, uint32, shape (rows, columns), symmetric; none leaves the array.
-            goal_units: length of the last leg from each lattice point, `NO_WAY` where there is none, int64, flat.
-            start: the robot's lattice point, flat index.
+            graph: measured from the same point as all before.
+            start: the robot's vertex.
 
         Returns:
-            Units, `NO_WAY` when no path leads to the goal.
+            Subcells, `NO_WAY` when no path leads to the goal.
         """
+        old = self._graph
         if self._start >= 0:
-            rows, columns = np.divmod([self._start, start], self._edges.shape[1])
-            self._scalars[_MODIFIER] += self._straight[abs(rows[0] - rows[1]), abs(columns[0] - columns[1])]
-        self._start = start
-        changed = np.flatnonzero((edges != self._edges).reshape(-1) | (goal_units != self._goal_units))
-        if len(changed):
-            self._edges[:] = edges
-            self._goal_units[:] = goal_units
-            _change(*self._state(), start, changed)
+            self._scalars[_MODIFIER] += straight_length(
+                int(graph.x[start] - old.x[self._start]), int(graph.y[start] - old.y[self._start])
+            )
+        new_of = _match(old.x, old.y, graph.x, graph.y)
+        if len(old.x) != len(graph.x) or (new_of < 0).any():
+            self._cost, self._keys, self._nodes, self._where = _renumber(
+                new_of, len(graph.x), self._cost, self._keys, self._nodes, self._scalars
+            )
+        changed = _changed(
+            new_of, old.pointer, old.neighbours, old.costs, old.goal_costs, graph.pointer, graph.neighbours,
+            graph.costs, graph.goal_costs,
+        )  # fmt: skip
+        self._graph, self._start = graph, start
+        _change(*self._state(), start, changed)
         _search(*self._state(), start)
         return int(min(self._cost[start, 1], NO_WAY))
 
     def path(self) -> list[int]:
-        """Return the lattice points of a shortest path, the robot's first; empty when there is none."""
+        """Return the vertices of a shortest path, the robot's first; empty when there is none."""
         node = self._start
         if node < 0 or self._cost[node, 1] >= NO_WAY:
             return []
+        graph = self._graph
         path = [node]
         while True:
             _, node = _best_successor(
-                self._edges, self._goal_units, NEIGHBOUR_OFFSETS, EDGE_UNITS, self._cost, path[-1]
+                graph.pointer, graph.neighbours, graph.costs, graph.goal_costs, self._cost, path[-1]
             )
             if node < 0:
                 return path
             path.append(int(node))
 
-    def _allocate(self, shape: tuple[int, int]) -> None:
-        n = shape[0] * shape[1]
-        self._edges = np.zeros(shape, dtype=np.uint32)
-        self._goal_units = np.full(n, NO_WAY, dtype=np.int64)
-        # g and rhs of each vertex.
-        self._cost = np.full((n, 2), NO_WAY, dtype=np.int64)
-        self._keys = np.empty((n, 2), dtype=np.int64)
-        self._nodes = np.empty(n, dtype=np.int32)
-        # Place of each vertex in the queue, -1 for none.
-        self._where = np.full(n, -1, dtype=np.int32)
-        self._straight = straight_lengths(*shape)
-
     def _state(self) -> tuple[NDArray[np.generic], ...]:
+        graph = self._graph
         return (
-            self._edges,
-            self._goal_units,
-            NEIGHBOUR_OFFSETS,
-            EDGE_UNITS,
-            self._straight,
+            graph.x,
+            graph.y,
+            graph.pointer,
+            graph.neighbours,
+            graph.costs,
+            graph.goal_costs,
             self._cost,
             self._keys,
             self._nodes,

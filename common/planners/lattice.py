@@ -42,7 +42,9 @@ class ScannedViewpoints:
     def note(self, mapper: Mapper, pose: Pose) -> None:
         """Remember the robot's viewpoint when the robot stands on it; the mapper was updated at this pose."""
         viewpoint = mapper.position(mapper.robot)
-        if pose.distance_to(viewpoint) <= ON_VIEWPOINT * self._spacing + TOLERANCE:
+        near = pose.distance_to(viewpoint) <= ON_VIEWPOINT * self._spacing + TOLERANCE
+        # The mapper moves a viewpoint to see what it could not from where it was: that place counts when it says so.
+        if near and mapper.observe().visited[mapper.robot]:
             self._done.add(self._key(*viewpoint))
 
     def note_attempt(self, pose: Pose, waypoint: Position, goal: Position) -> None:

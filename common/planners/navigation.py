@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import replace
+from math import ceil
 from typing import Final
 
 import numpy as np
@@ -11,14 +13,19 @@ from common.config.schema import MappingConfig
 from common.errors import ConfigError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
-from common.mapping.viewpoints import LONGEST_EDGE
+from common.mapping.raycast import SUBCELLS
+from common.mapping.viewpoints import LONGEST_EDGE, MARGIN_REACH
 from common.planners.base import Plan, Position, Status, TaskName
-from common.planners.grid_search import NO_WAY, UNITS
-from common.planners.lattice import MAX_ATTEMPTS, ON_VIEWPOINT, check_task, first_legs
-from common.planners.optimistic import OptimisticLattice
+from common.planners.following import PathFollower
+from common.planners.graph_search import NO_WAY
+from common.planners.lattice import MAX_ATTEMPTS, ON_VIEWPOINT, TOLERANCE, check_task, next_leg
+from common.planners.optimistic_graph import OptimisticGraph
+from common.planners.possible_space import possible_way
 
 # Decisions in a row from one place, whatever they were, before the robot counts as stuck.
 MAX_STANDSTILL: Final = 12
+# Paths that one decision plans before it gives up: each one after the first knows one more doubtful cell.
+MAX_PATHS: Final = 12
 
 
 class NavigationPlanner(ABC):
@@ -113,41 +120,102 @@ class NavigationPlanner(ABC):
         return plan
 
 
-class LatticeNavigator(NavigationPlanner):
-    """A navigation planner on the viewpoint lattice, unknown space taken as free: subclasses search the path."""
+class GraphNavigator(NavigationPlanner):
+    """A navigation planner on the viewpoint graph, unknown space taken as free: subclasses search the path.
 
-    lattice: OptimisticLattice
+    When no path is left over which the robot has not looked around yet, although the robot might fit through to the
+    target, what is known does not show from any viewpoint how. Then the robot drives on from cell to cell as far as it
+    knows, looks, and holds for an obstacle what stays unknown right before it.
+    """
+
+    graph: OptimisticGraph
 
     def begin(self, target: Position, seed: int) -> None:
         """Forget everything; there is no chance in a search, so the seed plays no part."""
         del seed
-        self.lattice = OptimisticLattice(self.config.viewpoint_spacing, target)
+        self.graph = OptimisticGraph(self.config, target)
+        self._follower = PathFollower(self.config, self.graph.world)
+        self._path: list[int] = []
+        self._reach = ceil((self.config.robot_radius + MARGIN_REACH) / self.config.resolution)
 
     def decide(self, mapper: Mapper, pose: Pose, target: Position) -> Plan:
         """Go one edge along a shortest path."""
+        if self._asked is not None:
+            self._follower.note_stop(pose.distance_to(self._asked[1]))
         viewpoint = mapper.position(mapper.robot)
         on_viewpoint = pose.distance_to(viewpoint) <= ON_VIEWPOINT * self.config.viewpoint_spacing
-        start = self.lattice.update(mapper.belief, viewpoint, scanned=on_viewpoint)
-        units, path = self.search(start)
-        if units >= NO_WAY:
-            return Plan(Status.UNREACHABLE, reason=unreachable(mapper, target))
-        places = [self.lattice.position(node) for node in path]
-        # The robot's node as the mapper gives it, and the target as it was given: without the lattice's rounding.
-        places[0] = viewpoint
-        places = first_legs(mapper, pose, [*places, target], self.config.viewpoint_spacing)
-        metres = units / UNITS * self.config.viewpoint_spacing
-        return Plan(Status.GOING, waypoint=places[0], beacon=target, path=places[1:], reason=f"{metres:.1f} m at best")
+        start = self.graph.update(mapper, scanned=on_viewpoint)
+        length, self._path = self.search(start)
+        if length >= NO_WAY:
+            return self._look_closer(mapper, pose, target)
+        plan = self._first_leg(mapper, pose, on_viewpoint)
+        if plan.waypoint == target:
+            plan = short_of_margin(mapper, pose, plan)
+        metres = length / SUBCELLS * self.config.resolution
+        ahead = [self.graph.position(vertex) for vertex in self._path[2:]]
+        return replace(plan, beacon=target, path=[*ahead, target], reason=plan.reason or f"{metres:.1f} m at best")
 
     def give_up(self, waypoint: Position) -> None:
-        """Close the viewpoint for the rest of the episode."""
-        self.lattice.close(waypoint)
+        """Close the next viewpoint of the path for the rest of the episode, or the last leg to the target."""
+        if len(self._path) > 1:
+            self.graph.close(self._path[1])
+        elif self._path:
+            self.graph.close_leg(self._path[0])
+        else:
+            self.graph.world.doubt(waypoint, always=True)
 
     @abstractmethod
     def search(self, start: int) -> tuple[int, list[int]]:
-        """Return length in units and lattice points of a shortest path over the lattice's edges from the robot's.
+        """Return length and vertices of a shortest path over the graph from the robot's vertex.
 
-        The length is `NO_WAY` and the path is empty when there is none.
+        The length is in subcells, as in `GoalGraph`; it is `NO_WAY` and the path is empty when there is none.
         """
+
+    def _first_leg(self, mapper: Mapper, pose: Pose, on_viewpoint: bool) -> Plan:
+        """Return the plan that drives the first edge of the path, or to the robot's viewpoint where that is not known.
+
+        A robot that has not been on its viewpoint yet cuts the corner where the next one is in sight.
+        """
+        path = self._path
+        if len(path) > 1 and not on_viewpoint:
+            place = self.graph.position(path[1])
+            if pose.distance_to(place) <= self._longest + TOLERANCE and mapper.segment_free(pose.position, place):
+                return Plan(Status.GOING, waypoint=place)
+        node = self.graph.known_node(path[1]) if len(path) > 1 else len(mapper.viewpoints)
+        route = [mapper.robot, node] if mapper.joined(mapper.robot, node) else [mapper.robot]
+        return next_leg(mapper, pose, route, self.config.viewpoint_spacing)
+
+    def _look_closer(self, mapper: Mapper, pose: Pose, target: Position) -> Plan:
+        """Drive as far as is known on the way that cells would still allow; there is none over viewpoints."""
+        graph, world = self.graph, self.graph.world
+        for _ in range(MAX_PATHS):
+            cells = graph.viewpoints.cells
+            way = possible_way(world, cells.clear.reshape(-1, cells.width), pose.position, target, self._reach)
+            if way is None:
+                return Plan(Status.UNREACHABLE, reason=unreachable(mapper, target))
+            if as_near_as_possible(pose, way, target, self._follower.near):
+                return Plan(Status.COMPLETE, reason="the robot is as near to the target as it fits")
+            waypoint = self._follower.reach(mapper, pose, way)
+            if waypoint is not None:
+                return Plan(Status.GOING, waypoint=waypoint, beacon=target, path=way, reason="looking more closely")
+            graph.bring_up_to_date(mapper, mapper.position(mapper.robot))
+        return Plan(Status.STUCK, reason=f"none of {MAX_PATHS} ways begins in space that is known to be clear")
+
+
+def as_near_as_possible(pose: Pose, path: list[Position], target: Position, near: float) -> bool:
+    """Whether the robot stands at the end of a path that ends before the target; ``near``, metres, is close enough."""
+    return len(path) == 1 and path[0] != target and pose.distance_to(path[0]) <= max(near, TOLERANCE)
+
+
+def short_of_margin(mapper: Mapper, pose: Pose, plan: Plan) -> Plan:
+    """Return a plan that leads to a target without its last leg where that has less room than the robot needs."""
+    assert plan.waypoint is not None
+    before = plan.via[-1] if plan.via else pose.position
+    if mapper.segment_free(before, plan.waypoint):
+        return plan
+    if pose.distance_to(before) <= TOLERANCE:
+        return Plan(Status.COMPLETE, reason="the robot is as near to the target as it fits")
+    return replace(plan, waypoint=before, via=plan.via[:-1])
 
 
 def unreachable(mapper: Mapper, target: Position) -> str:

@@ -40,6 +40,9 @@ _ENTRIES: dict[str, Entry] = {
     "nbvp": Entry("common.planners.nbvp", "NbvpPlanner", _EXPLORATION, "receding-horizon RRT (Bircher 2016)"),
     "dsvp": Entry("common.planners.dsvp", "DsvpPlanner", _EXPLORATION, "local RRT and global graph (Zhu 2021)"),
     "tare": Entry("common.planners.tare", "TarePlanner", _EXPLORATION, "local coverage and global tour (Cao 2021)"),
+    "tour": Entry(
+        "common.planners.covering_tour", "CoveringTourPlanner", _EXPLORATION, "covering tour over all frontiers"
+    ),
     "dstar_lite": Entry("common.planners.dstar_lite", "DStarLitePlanner", _NAVIGATION, "D* Lite (Koenig 2002)"),
     "astar": Entry("common.planners.astar", "AStarPlanner", _NAVIGATION, "A*, planned anew at each step"),
     "bit_star": Entry("common.planners.bit_star", "BitStarPlanner", _NAVIGATION, "BIT* through OMPL (Gammell 2015)"),

@@ -110,7 +110,7 @@ def _frontiers(mapper: Mapper, radius: float) -> list[NDArray[np.int64]]:
     width = belief.padded.shape[1]
     reachable = np.flatnonzero(mapper.reachable_cells().reshape(-1))
     steps = _steps_from(belief.padded.reshape(-1), width, reachable, _reach(mapper, radius))
-    cells, starts = _groups(width, np.pad(mapper.frontier_mask, 1).reshape(-1) & (steps >= 0))
+    cells, starts = _groups(width, mapper.frontier_mask.reshape(-1) & (steps >= 0))
     groups = [cells[a:b] for a, b in pairwise(starts.tolist())]
     return [group for group in groups if len(group) * belief.resolution >= 2.0 * radius]
 

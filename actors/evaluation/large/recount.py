@@ -96,7 +96,7 @@ def _arrivals(episode: LargeEpisode, track: NDArray[np.float64], world: GridMap,
     """Check that the robot was at the targets that it is said to have reached, in their order."""
     problems = []
     task = make_task(settings.task)
-    coverage = Coverage(world)
+    coverage = Coverage(world, settings.mapping.robot_radius)
     places = [Pose(x, y) for x, y in track[:, 1:3].tolist()]
     for number, leg in enumerate(episode.legs, 1):
         if not leg.success:
@@ -124,7 +124,7 @@ def _look(track: NDArray[np.float64], world: GridMap, settings: LargeSettings) -
         bounds=(*world.origin, world.origin[0] + width, world.origin[1] + height),
     )
     voxels = VoxelMap(world, simulator.wall_height)
-    coverage = Coverage(world)
+    coverage = Coverage(world, mapping.robot_radius)
     for _, x, y, yaw in track.tolist():
         pose = Pose(x, y, yaw)
         if world.is_free(pose.position):

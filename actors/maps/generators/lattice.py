@@ -18,14 +18,16 @@ from common.errors import MapError
 from common.jit import njit
 from common.mapping.raycast import SUBCELLS
 from common.mapping.sight import CLEAR, FREE, OCCUPIED, blocker
-from common.observation import NEIGHBOUR_OFFSETS
 
 _HALF: Final = BLOCK // 2
 # Half of the width of a passage that is carved to join two parts of the lattice: 10 px, 2.5 m at the nominal scale.
 _CARVE: Final = 5
 _ROUNDS: Final = 64
 _TARGET_SHARE: Final = 0.5
-_OFFSETS: Final = NEIGHBOUR_OFFSETS.astype(np.int64)
+# Lattice steps (dx, dy) to the 20 nearest points, row-major; number 19 - k is the reverse of number k.
+_OFFSETS: Final = np.array(
+    [(dx, dy) for dy in range(-2, 3) for dx in range(-2, 3) if 0 < dx * dx + dy * dy <= 5], dtype=np.int64
+)
 
 
 def finish(free: NDArray[np.bool_], rng: np.random.Generator) -> Plan:

@@ -1,14 +1,18 @@
+from itertools import pairwise
+
+import numpy as np
 import pytest
 
 from actors.environment import Environment
 from actors.evaluation.episode import run_episode
-from actors.evaluation.omniscient import OmniscientReference
-from actors.evaluation.true_graph import TrueGraph
+from actors.evaluation.omniscient import OmniscientReference, known_part
+from actors.evaluation.route_graph import RouteGraph
 from actors.maps.generators import make_generator
 from actors.simulators.grid import GridSimulator
 from actors.tasks import make_task
 from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
 from common.errors import MapError
+from common.mapping.mapper import Mapper
 from common.planners.greedy import GreedyPlanner
 from tests.actors.worlds import draw
 
@@ -97,9 +101,64 @@ def test_one_room_needs_no_route():
 
 
 def test_a_start_beside_the_lattice_joins_it():
-    world = draw("#" * 20, "#..S" + "." * 15 + "#", "#" * 20, lattice=(1.5, 1.5))
-    graph = TrueGraph.build(world, 2.0)
-    assert len(graph.lattice) in (graph.start, len(graph))
-    far = int(graph.distances[graph.start][: len(graph.lattice)].argmax())
-    route = [graph.position(node) for node in graph.route([far])]
+    world = draw("#" * 20, "#..S" + "." * 15 + "#", "#" * 20, lattice=(0.5, 1.5))
+    graph = RouteGraph.build(world, MAPPING)
+    viewpoints = len(graph.graph)
+    assert graph.start == viewpoints == len(graph) - 1
+    far = int(graph.distances[graph.start][:viewpoints].argmax())
+    nodes = graph.route([far])
+    route = [graph.position(node) for node in nodes]
     assert all(abs(a[0] - b[0]) <= 4.48 for a, b in zip([world.start, *route], route, strict=False))
+    assert graph.legs(nodes) == [[position] for position in route]
+
+
+PLAN = draw(
+    "################",
+    "#......#.......#",
+    "#.##...#..##...#",
+    "#.##......##...#",
+    "#......#.......#",
+    "#S.....#.......#",
+    "####.#####.#####",
+    "#......#.......#",
+    "#..#...#...#...#",
+    "#.............T#",
+    "################",
+    resolution=0.25,
+    lattice=(2.1, 1.7),
+)
+WITH_RADIUS = MappingConfig(resolution=0.25, sensor_range=8.0, robot_radius=0.3)
+
+
+def test_every_way_of_a_route_is_as_long_as_the_distances_say():
+    graph = RouteGraph.build(PLAN, WITH_RADIUS)
+    for stop in range(len(graph.graph)):
+        nodes = graph.route([stop])
+        corners = [PLAN.start, *(place for leg in graph.legs(nodes) for place in leg)]
+        length = sum(np.hypot(*np.subtract(a, b)) for a, b in pairwise(corners))
+        assert length == pytest.approx(graph.distances[graph.start, stop], abs=1e-3)
+        assert all(graph.graph.mapper.segment_free(a, b) for a, b in pairwise(corners))
+
+
+def test_a_robot_with_a_radius_drives_its_route_through_doors():
+    explored = drive(PLAN, mapping=WITH_RADIUS, unseen_area=0.5)
+    assert explored.success
+    assert explored.reason == "complete"
+    arrived = drive(PLAN, mapping=WITH_RADIUS, name="navigation", arrival_radius=0.2)
+    assert arrived.success
+
+
+def test_only_what_the_robot_knows_to_be_free_is_one_decision():
+    simulator = GridSimulator(SIMULATOR, 8.0)
+    pose = simulator.reset(PLAN, 0)
+    mapper = Mapper(WITH_RADIUS, lattice_origin=PLAN.lattice_origin)
+    mapper.integrate(simulator.scan(), pose)
+    mapper.update(pose)
+    known, unknown, behind = (4.5, 5.5), (4.5, 3.5), (1.5, 3.0)
+    assert known_part(mapper, pose.position, [known, unknown, behind]) == ([known], [unknown, behind])
+    assert known_part(mapper, pose.position, [known]) == ([known], [])
+    # Beyond what the sensor reaches: as far as it does.
+    (stop,), rest = known_part(mapper, (1.5, 5.5), [(1.5, 5.5), (14.5, 5.5)][1:])
+    assert rest == [(14.5, 5.5)]
+    assert 1.5 < stop[0] < 6.8
+    assert stop[1] == pytest.approx(5.5)

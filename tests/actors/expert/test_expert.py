@@ -1,4 +1,5 @@
 import heapq
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,8 +8,9 @@ from actors.driver import Choice, ExpertDriver
 from actors.environment import Environment
 from actors.episode import Role, run_episode
 from actors.expert import ExplorationExpert, make_expert
-from actors.expert.lattice import TrueLattice
-from actors.expert.visibility import Visibility
+from actors.expert.base import leg_lengths
+from actors.expert.true_graph import TrueGraph
+from actors.expert.visibility import look_from_all
 from actors.maps.sources import open_sources
 from actors.simulators.grid import GridSimulator
 from actors.tasks import make_task
@@ -46,17 +48,16 @@ COMB = draw(
 
 
 def best_distance(world, mapping, unseen_area):
-    """Shortest lattice walk after which little enough is unseen, by exhaustive search over (node, what was seen)."""
-    lattice = TrueLattice.build(world, mapping.viewpoint_spacing)
-    sight = Visibility.build(world.free, lattice.points, mapping.sensor_range / world.resolution, 720)
+    """Shortest walk over viewpoints after which little enough is unseen, by search over all (node, what was seen)."""
+    graph = TrueGraph.build(world, mapping)
+    sight = look_from_all(world.free, graph.points, mapping.sensor_range / world.resolution, 720)
     views = []
-    for v in range(len(lattice)):
+    for v in range(len(graph)):
         view = 0
         for k in range(sight.pointer[v], sight.pointer[v + 1]):
             view |= int(sight.mask[k]) << (64 * int(sight.tile[k]))
         views.append(view)
-    start = np.array(world.start) / world.resolution
-    first = int(np.argmin(np.hypot(*(lattice.points - start).T)))
+    first = int(np.argmin(np.hypot(*(graph.positions - world.start).T)))
     enough = int(np.count_nonzero(world.free)) - int(unseen_area / world.resolution**2 + 1e-6)
     queue = [(0.0, first, views[first])]
     done = set()
@@ -67,11 +68,10 @@ def best_distance(world, mapping, unseen_area):
         if (node, seen) in done:
             continue
         done.add((node, seen))
-        for k in range(20):
-            other = int(lattice.table[node, k])
-            if other >= 0:
-                heapq.heappush(queue, (distance + float(lattice.lengths[k]), other, seen | views[other]))
-    raise AssertionError("the world cannot be explored from its lattice")
+        for k in range(graph.pointer[node], graph.pointer[node + 1]):
+            other = int(graph.neighbours[k])
+            heapq.heappush(queue, (distance + float(graph.lengths[k]), other, seen | views[other]))
+    raise AssertionError("the world cannot be explored from its viewpoints")
 
 
 @pytest.mark.parametrize("world", [CORRIDOR, CROSS, COMB], ids=["corridor", "cross", "comb"])
@@ -144,7 +144,8 @@ def test_the_remaining_distance_falls_by_what_was_driven(task, world):
         before = env.remaining()
         choice = driver.choose(env._observation, env)
         step = env.step(choice.beacon, choice.waypoint)
-        assert env.remaining() <= before - step.distance + 0.05
+        # At the rim of what is known a viewpoint may lie beside the true one, and an edge may still be missing.
+        assert env.remaining() <= before - step.distance + 0.2
     assert env.success
     assert env.remaining() == 0.0
 
@@ -167,9 +168,8 @@ def test_standing_still_is_never_the_plan():
     env.reset(CORRIDOR, seed=0)
     expert = ExplorationExpert(MAPPING, 0.0)
     expert.reset(CORRIDOR)
-    node = env.mapper.position(env._observation.robot)
     for _ in range(3):
-        judgement = expert.judge(env._observation, env.pose, node, env.coverage)
+        judgement = expert.judge(env._observation, env.mapper.viewpoints, env.pose, env.coverage)
         assert judgement.remaining > 20.0
         best = int(env._observation.waypoint_nodes()[int(np.argmin(judgement.cost))])
         assert env.mapper.position(best)[0] > env.pose.x
@@ -181,4 +181,61 @@ def test_an_expert_without_a_map_says_so():
     for task in ("exploration", "navigation"):
         expert = make_expert(TaskConfig(name=task), MAPPING)
         with pytest.raises(HDError, match="reset"):
-            expert.judge(observation, env.pose, env.pose.position, env.coverage)
+            expert.judge(observation, env.mapper.viewpoints, env.pose, env.coverage)
+
+
+FURNISHED = draw(
+    "################",
+    "#......#.......#",
+    "#.##...#..##...#",
+    "#.##......##...#",
+    "#......#.......#",
+    "#S.....#.......#",
+    "####.#####.#####",
+    "#......#.......#",
+    "#..#...#...#...#",
+    "#..............#",
+    "################",
+    resolution=0.25,
+    lattice=(2.1, 1.7),
+)
+
+
+@pytest.mark.parametrize("task", ["exploration", "navigation"])
+def test_the_expert_leads_a_robot_with_a_radius_through_doors(task):
+    world = FURNISHED if task == "exploration" else replace(FURNISHED, target=(13.5, 1.5))
+    mapping = MappingConfig(resolution=0.25, sensor_range=8.0, robot_radius=0.3)
+    config = TaskConfig(name=task, unseen_area=0.5, arrival_radius=0.2)
+    env = Environment(
+        GridSimulator(SimulatorConfig(name="grid"), 8.0),
+        mapping,
+        make_task(config),
+        RewardConfig(),
+        64,
+        make_expert(config, mapping),
+    )
+    observation = env.reset(world, seed=0)
+    bends = 0
+    while env.end is End.NONE:
+        positions = env.mapper.viewpoints
+        legs = leg_lengths(observation, positions, positions, env.pose, 4.0)
+        for node, leg in zip(observation.waypoint_nodes().tolist(), legs, strict=True):
+            if node == observation.viewpoints:
+                continue
+            way = np.array([env.mapper.position(observation.robot), *env.mapper.way(observation.robot, node)])
+            home = env.pose.distance_to(env.mapper.position(observation.robot))
+            assert leg == pytest.approx(home + np.hypot(*np.diff(way, axis=0).T).sum(), abs=1e-3)
+            bends += len(way) > 2
+        choice = ExpertDriver().choose(observation, env)
+        observation = env.step(choice.beacon, choice.waypoint).observation
+    assert env.reason == "complete"
+    assert bends > 0
+
+
+def test_pieces_of_one_square_are_one_true_viewpoint():
+    world = draw("######", "#.S..#", "#....#", "#....#", "#....#", "######", resolution=0.25, lattice=(3.0, 3.0))
+    graph = TrueGraph.build(world, MappingConfig(resolution=0.25, viewpoint_spacing=4.0))
+    assert len(graph) == 1
+    nodes, places = graph.match(np.array([[2.0, 3.0], [4.6, 3.0], [3.0, 3.0], [0.5, 3.0]]))
+    assert nodes.tolist() == [0, 0, 0, -1]
+    assert places.tolist() == [[3.0, 3.0], [3.0, 3.0], [3.0, 3.0], [0.5, 3.0]]

@@ -1,12 +1,12 @@
 import numpy as np
 
-from actors.expert.visibility import Visibility, fill_words
+from actors.expert.visibility import fill_words, look_from_all
 
 
 def test_a_viewpoint_sees_its_disc_and_not_behind_walls():
     free = np.ones((20, 20), dtype=np.bool_)
     free[:, 12] = False
-    sight = Visibility.build(free, np.array([[8.0, 8.0]]), 6.0, 720)
+    sight = look_from_all(free, np.array([[8.0, 8.0]]), 6.0, 720)
     seen = np.zeros(free.shape, dtype=np.bool_)
     for k in range(len(sight.tile)):
         row, column = divmod(int(sight.tile[k]), 3)

@@ -10,9 +10,9 @@ from actors.maps.connectivity import reachable
 from actors.maps.generators import GENERATORS, make_generator
 from actors.maps.grid_map import GridMap
 from common.errors import MapError
-from common.observation import NEIGHBOUR_OFFSETS
 
 NAMES = sorted(GENERATORS)
+NEIGHBOURS = [(i, j) for j in range(-2, 3) for i in range(-2, 3) if abs(i) + abs(j) in (1, 2, 3)]
 SMALL = {"width": "256", "height": "208"}
 
 
@@ -47,7 +47,7 @@ def connected_share(world: GridMap) -> float:
     known, queue = {first}, deque([first])
     while queue:
         j, i = queue.popleft()
-        for di, dj in NEIGHBOUR_OFFSETS.tolist():
+        for di, dj in NEIGHBOURS:
             to = (j + dj, i + di)
             if to in known or not (0 <= to[0] < points.shape[0] and 0 <= to[1] < points.shape[1]):
                 continue

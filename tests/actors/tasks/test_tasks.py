@@ -58,6 +58,60 @@ def test_a_start_in_a_wall_is_an_error():
         Coverage(dataclasses.replace(WORLD, start=(0.1, 0.1)))
 
 
+CABIN = draw(
+    "##########",
+    "#S...#...#",
+    "#........#",
+    "#....#...#",
+    "##########",
+    resolution=0.25,
+)
+
+
+@pytest.mark.parametrize(("radius", "columns"), [(0.0, 9), (0.35, 9), (0.6, 4)])
+def test_coverage_counts_where_the_robot_fits(radius, columns):
+    coverage = Coverage(CABIN, radius)
+    rows, cells = np.divmod(coverage.unseen_cells, CABIN.free.shape[1])
+    # Behind a door of 1 m lies a room that a robot of 1.2 m cannot enter; margins along walls do not count.
+    x, y = (cells + 0.5) * 0.25, (rows + 0.5) * 0.25
+    assert x.max() > columns - 1
+    assert x.max() < columns + 1 - radius
+    assert y.min() >= 1.0 + radius
+    assert x.min() >= 1.0 + radius
+    assert coverage.explored == 0.0
+
+
+def test_a_robot_that_starts_beside_a_wall_counts_the_room():
+    beside = dataclasses.replace(CABIN, start=(1.1, 3.9))
+    assert np.array_equal(Coverage(beside, 0.4).unseen_cells, Coverage(CABIN, 0.4).unseen_cells)
+    with pytest.raises(MapError, match="does not fit"):
+        Coverage(CABIN, 1.6)
+
+
+def test_the_largest_unseen_region_has_an_area_and_a_place():
+    coverage = Coverage(CABIN)
+    seen = np.ones_like(CABIN.free)
+    seen[4:16, 24:36] = False
+    seen[4:6, 4:6] = False
+    coverage.update(np.where(seen, np.where(CABIN.free, 0, 100), -1).astype(np.int8), 0.25, (0.0, 0.0))
+    found = coverage.largest_unseen()
+    assert found is not None
+    area, (x, y) = found
+    assert area == pytest.approx(9.0)
+    assert (x, y) == pytest.approx((7.5, 2.5), abs=0.2)
+    assert coverage.unseen_area == pytest.approx(9.25)
+    coverage.update(np.where(CABIN.free, 0, 100).astype(np.int8), 0.25, (0.0, 0.0))
+    assert coverage.largest_unseen() is None
+
+
+def test_the_place_lies_in_a_region_that_goes_round_something():
+    world = draw("#######", "#S....#", "#.###.#", "#.###.#", "#.....#", "#######", resolution=0.25)
+    found = Coverage(world).largest_unseen()
+    assert found is not None
+    assert found[0] == pytest.approx(14.0)
+    assert world.is_free(found[1])
+
+
 def test_exploration_is_complete_at_the_tolerance():
     coverage = Coverage(WORLD)
     task = make_task(TaskConfig(name="exploration", unseen_area=6.0))

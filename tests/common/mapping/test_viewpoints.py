@@ -43,3 +43,11 @@ def test_a_square_that_the_grid_cuts_off_is_only_partly_known():
         mapper.update(Pose(1.0, 1.0))
         # The strip right of x = 4 does not hold its lattice points and may become more.
         assert sorted(set(mapper.viewpoints[:, 0].tolist())) == [1.0, 3.0]
+
+
+def test_a_robot_between_equally_near_viewpoints_counts_as_at_the_first_of_them():
+    mapper = Mapper(small_config(viewpoint_spacing=2.0, resolution=0.5), lattice_origin=(1.0, 1.0))
+    mapper.belief.assign(np.zeros((12, 12), dtype=np.int8), (0.0, 0.0))
+    for pose, viewpoint in (((2.0, 2.0), (1.0, 1.0)), ((4.0, 3.0), (3.0, 3.0)), ((4.1, 2.0), (5.0, 1.0))):
+        mapper.update(Pose(*pose))
+        assert mapper.position(mapper.robot) == viewpoint

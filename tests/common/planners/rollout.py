@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from actors.simulators.grid import GridSimulator
 from actors.tasks import make_task
 from actors.tasks.coverage import Coverage
 from common.config.schema import MappingConfig, SimulatorConfig, TaskConfig
+from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Planner, Status
 
@@ -103,15 +105,23 @@ def drive(
             episode.reason = plan.reason
             break
         assert plan.waypoint is not None
-        length = pose.distance_to(plan.waypoint)
-        assert 0.0 < length <= LIMIT * config.viewpoint_spacing + 1e-6, (pose, plan.waypoint)
-        assert mapper.segment_free(pose.position, plan.waypoint), (pose, plan.waypoint)
-        share = max(1.0 - slack / length, 0.0)
-        x, y = pose.x + share * (plan.waypoint[0] - pose.x), pose.y + share * (plan.waypoint[1] - pose.y)
-        leg = simulator.drive_to((x, y) if slack else plan.waypoint)
-        assert leg.reached
-        pose = leg.pose
-        episode.distance += leg.distance
+        way = [*plan.via, plan.waypoint]
+        for here, there in pairwise([pose.position, *way]):
+            length = Pose(*here).distance_to(there)
+            assert 0.0 < length <= LIMIT * config.viewpoint_spacing + 1e-6, (here, there)
+            assert mapper.segment_free(here, there), (here, there)
+        for there in way:
+            # It looks around at the corners of a way, too.
+            if there != way[0]:
+                mapper.integrate(simulator.scan(), pose)
+                mapper.update(pose)
+            stop = slack if there == plan.waypoint else 0.0
+            share = max(1.0 - stop / pose.distance_to(there), 0.0)
+            place = (pose.x + share * (there[0] - pose.x), pose.y + share * (there[1] - pose.y))
+            leg = simulator.drive_to(place if stop else there)
+            assert leg.reached
+            pose = leg.pose
+            episode.distance += leg.distance
         episode.waypoints.append(pose.position)
     simulator.close()
     return episode

@@ -17,7 +17,7 @@ from common.planners.registry import make_planner
 from tests.common.planners.rollout import explore
 from tests.common.planners.worlds import ARMS, CONFIG, DEAD_END, ROOM, ROOMS, looked
 
-NAMES = ["nearest", "greedy", "nbvp", "dsvp", "tare"]
+NAMES = ["nearest", "greedy", "nbvp", "dsvp", "tare", "tour"]
 
 pytestmark = pytest.mark.parametrize("name", NAMES)
 

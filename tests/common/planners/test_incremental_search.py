@@ -3,12 +3,12 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+from common.planners.grid_search import EDGE_UNITS, NO_WAY, UNITS, a_star, straight_lengths
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS
-from common.planners.grid_search import EDGE_UNITS, NO_WAY, UNITS, a_star, straight_lengths
 from common.planners.incremental_search import IncrementalSearch
 
 

@@ -2,13 +2,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from common.planners.grid_search import NO_WAY, UNITS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from common.mapping.belief import Belief
 from common.mapping.sight import FREE, OCCUPIED, UNKNOWN
 from common.observation import NEIGHBOUR_COUNT, NEIGHBOUR_OFFSETS
-from common.planners.grid_search import NO_WAY, UNITS
 from common.planners.optimistic import OptimisticGrid, OptimisticLattice
 
 SPACING = 2.0

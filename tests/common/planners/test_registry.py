@@ -8,7 +8,7 @@ from common.planners.registry import make_planner, planner_names, planner_summar
 
 
 def test_names_by_task() -> None:
-    assert {"nearest", "greedy", "nbvp", "dsvp", "tare"} <= set(planner_names("exploration"))
+    assert {"nearest", "greedy", "nbvp", "dsvp", "tare", "tour"} <= set(planner_names("exploration"))
     assert {"dstar_lite", "astar", "bit_star", "far"} <= set(planner_names("navigation"))
     assert "hdplanner" in planner_names("exploration")
     assert "hdplanner" in planner_names("navigation")
@@ -21,7 +21,7 @@ def test_every_name_has_a_summary_and_tasks() -> None:
         assert planner_tasks(name)
 
 
-@pytest.mark.parametrize("name", ["nearest", "greedy", "nbvp", "dsvp"])
+@pytest.mark.parametrize("name", ["nearest", "greedy", "nbvp", "dsvp", "tour"])
 def test_made_planners_carry_their_name_and_tasks(name: str) -> None:
     planner = make_planner(name, MappingConfig())
     assert planner.name == name

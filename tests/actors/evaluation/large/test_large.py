@@ -29,7 +29,7 @@ def exploration(tmp_path_factory):
 def tour(tmp_path_factory):
     out = tmp_path_factory.mktemp("tour")
     where = ["--world", SMALL, "--seeds", 1, "--jobs", 1, "--targets", 2]
-    result = call("large", "--planner", "astar", "--task", "navigation", *where, "--out", out)
+    result = call("large", "--planner", "astar", "--task", "navigation", "--robot-radius", 0.25, *where, "--out", out)
     assert result.exit_code == 0, result.output
     return out
 

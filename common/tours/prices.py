@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from actors.expert.sighting import count_unseen, recount, recount_kept, seen_by_one
-from actors.expert.tour import improve_tour, tour_length
-from actors.expert.visibility import popcount
 from common.jit import njit
+from common.tours.local_search import improve_tour, tour_length
+from common.tours.sighting import count_unseen, popcount, recount, recount_kept, seen_by_one
 
 
 @njit(cache=True, nogil=True)

@@ -1,6 +1,6 @@
 """Which viewpoints to visit so that little enough stays unseen, and in which order: a covering tour.
 
-Works on the sparse visibility rows of `actors.expert.visibility`; "missing" always are the tile words of the cells
+Works on the sparse visibility rows of `common.tours.sighting`; "missing" always are the tile words of the cells
 that are still to be seen, and a tolerance says how many of them may stay so.
 """
 
@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from actors.expert.sighting import count_seen, count_unseen, recount, seen_by_one
-from actors.expert.tour import GAIN, improve_tour, insert_cheapest
-from actors.expert.visibility import popcount
 from common.jit import njit
+from common.tours.local_search import GAIN, improve_tour, insert_all
+from common.tours.sighting import count_bits, count_seen, count_unseen, popcount, recount, remove_seen, seen_by_one
 
 
 @njit(cache=True, nogil=True)
@@ -182,15 +181,66 @@ def plan_cover(
     What the kept stops do not cover is covered greedily, inserted where it costs least, and the whole improved.
     """
     rest = missing.copy()
-    for s in range(len(kept)):
-        for k in range(pointer[kept[s]], pointer[kept[s] + 1]):
-            rest[tile[k]] &= ~mask[k]
-    total = 0
-    for t in range(len(rest)):
-        total += popcount(rest[t])
+    remove_seen(pointer, tile, mask, kept, rest)
+    total = count_bits(rest)
     chosen = greedy_cover(pointer, tile, mask, rest, gains, weights, total, tolerance)
-    stops = np.empty(len(kept) + len(chosen), dtype=np.int64)
-    stops[: len(kept)] = kept
-    for k in range(len(chosen)):
-        insert_cheapest(distances, start, stops, len(kept) + k, chosen[k])
+    stops = insert_all(distances, start, kept, chosen)
     return improve_cover(pointer, tile, mask, missing, allowed, distances, start, stops, tolerance, rounds)
+
+
+@njit(cache=True, nogil=True)
+def take_along(
+    pointer: NDArray[np.int64],
+    tile: NDArray[np.int32],
+    mask: NDArray[np.uint64],
+    extra: NDArray[np.uint64],
+    allowed: NDArray[np.bool_],
+    distances: NDArray[np.float32],
+    start: int,
+    stops: NDArray[np.int64],
+    detour: float,
+) -> NDArray[np.int64]:
+    """Add stops to a tour that see what need not be seen, where they lie on the way.
+
+    The stop that sees most for each metre that it adds, one metre more being the price of any, comes first.
+
+    Args:
+        pointer: sparse visibility rows, see `Visibility`.
+        tile: likewise.
+        mask: likewise.
+        extra: tile words of what is worth a stop on the way; what the new tour sees of it is removed.
+        allowed: viewpoints that may be added, shape (n,).
+        distances: metres between viewpoints, shape (n, n); from and to `start` and all stops at least.
+        start: where the tour begins.
+        stops: the tour, in order.
+        detour: metres that one stop may add to the tour, each time.
+
+    Returns:
+        The new stops in order.
+    """
+    tour = np.empty(len(stops) + len(allowed), dtype=np.int64)
+    size = len(stops)
+    tour[:size] = stops
+    remove_seen(pointer, tile, mask, stops, extra)
+    while size < len(tour):
+        best, best_value, where = -1, 0.0, 0
+        for v in range(len(allowed)):
+            if not allowed[v]:
+                continue
+            seen = count_seen(pointer, tile, mask, extra, v)
+            if seen == 0:
+                continue
+            for k in range(size):
+                before = start if k == 0 else tour[k - 1]
+                added = distances[before, v] + distances[v, tour[k]] - distances[before, tour[k]]
+                if added <= detour and seen > best_value * (1.0 + added):
+                    best, best_value, where = v, seen / (1.0 + added), k
+        if best < 0:
+            break
+        for k in range(size, where, -1):
+            tour[k] = tour[k - 1]
+        tour[where] = best
+        size += 1
+        for k in range(pointer[best], pointer[best + 1]):
+            extra[tile[k]] &= ~mask[k]
+    return tour[:size].copy()

@@ -40,6 +40,18 @@ def insert_cheapest(distances: NDArray[np.float32], start: int, stops: NDArray[n
 
 
 @njit(cache=True, nogil=True)
+def insert_all(
+    distances: NDArray[np.float32], start: int, stops: NDArray[np.int64], new: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return the tour with all of ``new`` inserted, one after the other, each where it lengthens the tour least."""
+    tour = np.empty(len(stops) + len(new), dtype=np.int64)
+    tour[: len(stops)] = stops
+    for k in range(len(new)):
+        insert_cheapest(distances, start, tour, len(stops) + k, new[k])
+    return tour
+
+
+@njit(cache=True, nogil=True)
 def improve_tour(distances: NDArray[np.float32], start: int, stops: NDArray[np.int64]) -> None:
     """Shorten an open tour in place by 2-opt (reversals) and Or-opt (moves of up to three stops, either way round).
 

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from actors.expert.tour import improve_tour, insert_cheapest, tour_length
+from common.tours.local_search import improve_tour, insert_cheapest, tour_length
 
 
 def random_distances(seed, n):

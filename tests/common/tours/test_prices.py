@@ -2,10 +2,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from actors.expert import cover
-from actors.expert.prices import price_choices
-from actors.expert.tour import tour_length
-from tests.actors.expert.planes import uncovered, universe
+from common.tours import cover
+from common.tours.local_search import tour_length
+from common.tours.prices import price_choices
+from tests.common.tours.planes import uncovered, universe
 
 
 @settings(deadline=None, max_examples=30)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from actors.expert.visibility import Visibility
+from actors.expert.visibility import look_from_all
 
 
 def universe(seed, viewpoints=25, rows=20, columns=26):
@@ -12,7 +12,7 @@ def universe(seed, viewpoints=25, rows=20, columns=26):
     cells = np.argwhere(free)
     chosen = cells[rng.choice(len(cells), viewpoints, replace=False)]
     points = np.ascontiguousarray(chosen[:, ::-1] + 0.5)
-    sight = Visibility.build(free, points, 6.0, 240)
+    sight = look_from_all(free, points, 6.0, 240)
     distances = np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1)).astype(np.float32)
     missing = np.zeros(sight.tiles, dtype=np.uint64)
     for k in range(len(sight.tile)):

@@ -1,0 +1,1 @@
+"""Covering tours: which viewpoints to visit so that little enough stays unseen, and in which order."""
