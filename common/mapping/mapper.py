@@ -15,9 +15,10 @@ from common.mapping.adjacency import Adjacency
 from common.mapping.beacons import find_beacons
 from common.mapping.belief import Belief
 from common.mapping.cell_grid import ClearGrid
-from common.mapping.clearance import SWEEP_TOLERANCE, sweep
+from common.mapping.clearance import CLEAR_CELL, SWEEP_TOLERANCE, TIGHT, sweep
 from common.mapping.distances import shortest_paths
 from common.mapping.frontiers import FrontierChanges, Frontiers
+from common.mapping.pieces import cells_of_nodes
 from common.mapping.planning_set import Frame, anything_left, gather, sparse_edges
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 from common.mapping.sight import CLEAR, NOTHING_LOST, blocker
@@ -47,7 +48,6 @@ class Mapper:
 
     Attributes:
         belief: the grid; it grows by itself when a scan reaches outside.
-        target: (x, y) of the navigation target, metres, or None.
         frontiers_removed: frontier cells that updates have found to be frontiers no more, since the start; it only
             rises, so that differences tell what a step achieved.
     """
@@ -71,15 +71,13 @@ class Mapper:
         Raises:
             MappingError: a position is not finite, or the bounds are empty.
         """
-        for name, point in (("lattice_origin", lattice_origin), ("target", target)):
-            if point is not None and not np.isfinite(point).all():
-                raise MappingError(f"{name} must be finite, got {point}: pass (x, y) in metres")
+        _check_finite("lattice_origin", lattice_origin)
         self.belief = Belief(config.resolution, config.sensor_range, anchor=lattice_origin, bounds=bounds)
         self.frontiers_removed = 0
         self._config = config
         self._lattice_origin = lattice_origin
         self._beacon_reach = round(config.beacon_range / config.resolution * SUBCELLS)
-        self._target = None if target is None else Target(target, config)
+        self.target = target
         self._pose: Pose | None = None
         self._rebuild(None)
         self._forget_nodes()
@@ -155,8 +153,14 @@ class Mapper:
 
     @property
     def target(self) -> tuple[float, float] | None:
-        """(x, y) of the navigation target, metres, or None."""
+        """(x, y) of the navigation target, metres, or None; another one counts from the next `update`."""
         return None if self._target is None else self._target.position
+
+    @target.setter
+    def target(self, position: tuple[float, float] | None) -> None:
+        if position is not None:
+            _check_finite("target", position)
+        self._target = None if position is None else Target(position, self._config)
 
     @property
     def target_known(self) -> bool:
@@ -189,6 +193,11 @@ class Mapper:
     def lattice_origin(self) -> tuple[float, float]:
         """(x, y) of one point of the viewpoint lattice, metres."""
         return self._lattice_origin
+
+    @property
+    def frontier_mask(self) -> NDArray[np.bool_]:
+        """Frontier cells, bool, shape of the belief's padded grid; a copy."""
+        return self._frontiers.padded_mask.copy()
 
     @property
     def viewpoints(self) -> NDArray[np.float64]:
@@ -316,6 +325,31 @@ class Mapper:
         wanted = sweep(cells.belief, cells.width, x0, y0, x0, y0, radius)
         return bool(sweep(cells.belief, cells.width, x0, y0, x1, y1, wanted) >= wanted - SWEEP_TOLERANCE)
 
+    @property
+    def room(self) -> NDArray[np.bool_]:
+        """Cells in whose middle the robot fits by what is known, bool, shape of the belief's padded grid; a copy."""
+        clear = self._graph.cells.clear.reshape(self.belief.padded.shape)
+        return (clear == CLEAR_CELL) | (clear == TIGHT)
+
+    def has_room(self, position: tuple[float, float]) -> bool:
+        """Whether the robot fits where the middle of a position's cell is, by what is known."""
+        row, column = self.belief.cell(position)
+        rows, columns = self.belief.shape
+        if not (0 <= row < rows and 0 <= column < columns):
+            return False
+        cells = self._graph.cells
+        return int(cells.clear[(row + 1) * cells.width + column + 1]) in (CLEAR_CELL, TIGHT)
+
+    def reachable_cells(self) -> NDArray[np.bool_]:
+        """Return the cells in whose middle the robot can get from where it is: those that the viewpoints stand for.
+
+        Returns:
+            bool, shape of the belief's padded grid.
+        """
+        graph = self._graph
+        inside = cells_of_nodes(graph.pieces, graph.first_of, graph.cells, graph.layout, self._numbers)
+        return inside.reshape(self.belief.padded.shape)
+
     def distances(self, from_node: int) -> NDArray[np.float64]:
         """Return the distance of every node from a viewpoint over edges, metres, shape (nodes,).
 
@@ -432,3 +466,8 @@ class Mapper:
         self._positions = np.empty((0, 2))
         if self._target is not None:
             self._target.forget()
+
+
+def _check_finite(name: str, point: tuple[float, float]) -> None:
+    if not np.isfinite(point).all():
+        raise MappingError(f"{name} must be finite, got {point}: pass (x, y) in metres")
