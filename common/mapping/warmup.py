@@ -6,7 +6,6 @@ import numpy as np
 
 from common.config.schema import MappingConfig
 from common.geometry import Pose, Scan
-from common.mapping.coarse_graph import coarse_graph
 from common.mapping.mapper import Mapper
 from common.mapping.raycast import cast_rays, ray_angles
 
@@ -29,5 +28,4 @@ def warm_up() -> None:
         mapper.update(pose)
     mapper.observe()
     mapper.distances(0)
-    coarse_graph(mapper, 2)
     mapper.segment_free((4.0, 12.0), (6.0, 12.0))
