@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import Final
 
 import numpy as np
@@ -26,6 +25,8 @@ from common.mapping.utility import FrontierUtility
 from common.mapping.viewpoints import ViewpointGraph
 from common.observation import MAX_VIEWPOINTS, Observation
 
+# Positions lie so near to the lattice's origin along each axis, metres: in subcells they must fit into 64 bits.
+FARTHEST: Final = 1.0e6
 _NO_NODES: Final = np.empty(0, dtype=np.int32)
 _NO_EDGES: Final = Adjacency(np.zeros(1, np.int64), _NO_NODES, np.empty(0), np.empty(0, np.bool_))
 _NO_CHANGES: Final = FrontierChanges(_NO_NODES, _NO_NODES, NOTHING_LOST)
@@ -69,11 +70,12 @@ class Mapper:
             target: (x, y) of the navigation target, metres.
 
         Raises:
-            MappingError: a position is not finite, or the bounds are empty.
+            MappingError: a position is not finite or too far away, or the bounds are empty.
         """
-        for name, point in (("lattice_origin", lattice_origin), ("target", target)):
-            if point is not None and not np.isfinite(point).all():
-                raise MappingError(f"{name} must be finite, got {point}: pass (x, y) in metres")
+        if not np.isfinite(lattice_origin).all():
+            raise MappingError(f"lattice_origin must be finite, got {lattice_origin}: pass (x, y) in metres")
+        if target is not None:
+            _check_near("target", target, lattice_origin)
         self.belief = Belief(config.resolution, config.sensor_range, anchor=lattice_origin, bounds=bounds)
         self.frontiers_removed = 0
         self._config = config
@@ -91,13 +93,14 @@ class Mapper:
     def update(self, pose: Pose) -> None:
         """Bring frontiers, viewpoints, edges, utilities, beacons, visited flags and the robot's node up to date.
 
-        A viewpoint counts as visited when it is the robot's node and within half a spacing.
+        A viewpoint counts as visited when it is the robot's node and within half a spacing, or once nothing else is left
+        to look at. One that has moved to a lookout counts as not visited.
 
         Raises:
-            MappingError: the pose is not finite, or more viewpoints are reachable than an observation can hold.
+            MappingError: the pose is not finite or too far away, or more viewpoints are reachable than an observation
+                can hold.
         """
-        if not (isfinite(pose.x) and isfinite(pose.y)):
-            raise MappingError(f"a pose must be finite, got {pose}: check the robot's localisation")
+        _check_near("a pose", pose.position, self._lattice_origin)
         belief = self.belief
         if belief.generation != self._generation:
             self._rebuild(self._graph)
@@ -432,3 +435,13 @@ class Mapper:
         self._positions = np.empty((0, 2))
         if self._target is not None:
             self._target.forget()
+
+
+def _check_near(name: str, position: tuple[float, float], origin: tuple[float, float]) -> None:
+    """Raise a MappingError unless a position is one that subcells can say."""
+    # Written so that NaN is not near.
+    if not all(abs(value - middle) <= FARTHEST for value, middle in zip(position, origin, strict=True)):
+        raise MappingError(
+            f"{name} must be finite and within {FARTHEST / 1000:g} km of the lattice's origin {origin}, got {position}: "
+            "check the map frame and the robot's localisation"
+        )
