@@ -177,6 +177,16 @@ def _settle(
 
 
 @njit(cache=True, nogil=True)
+def _usual_place(cells: Cells, layout: Layout, pieces: Any, piece: int, margin: int) -> tuple[np.int64, np.int64]:
+    """Return where the viewpoint of a piece is unless it is at a lookout, subcells."""
+    p = pieces[piece]
+    if p.x >= 0 and not p.lookout:
+        return p.x, p.y
+    j, i = p.square // len(layout.x), p.square % len(layout.x)
+    return (layout.x[i], layout.y[j]) if p.centred else best_place(cells, layout, j, i, p.label, margin)
+
+
+@njit(cache=True, nogil=True)
 def _choose(
     cells: Cells,
     layout: Layout,
@@ -210,7 +220,6 @@ def _choose(
     Returns:
         How many of either.
     """
-    columns = len(layout.x)
     beside = np.zeros(used, dtype=np.bool_)
     for piece in range(used):
         if not pieces[piece].alive:
@@ -230,9 +239,8 @@ def _choose(
         exists = not p.waits or p.visited or beside[piece] or piece == robot or everywhere
         x, y = lookouts[piece]
         is_lookout = x >= 0
-        if not is_lookout and (p.x < 0 or p.lookout):
-            j, i = p.square // columns, p.square % columns
-            x, y = (layout.x[i], layout.y[j]) if p.centred else best_place(cells, layout, j, i, p.label, margin)
+        if not is_lookout and (exists or p.lookout):
+            x, y = _usual_place(cells, layout, pieces, piece, margin)
         moves = x >= 0 and (x != p.x or y != p.y)
         if p.exists and (moves or not exists):
             ended[ended_count] = piece
@@ -240,7 +248,7 @@ def _choose(
         if exists and (moves or not p.exists):
             fresh[fresh_count] = piece
             fresh_count += 1
-        if moves and exists:
+        if moves:
             p.x, p.y = x, y
         p.lookout = is_lookout
         p.exists = exists
@@ -248,15 +256,20 @@ def _choose(
 
 
 @njit(cache=True, nogil=True)
-def _piece_of(cells: Cells, layout: Layout, pieces: Any, first_of: NDArray[np.int32], x: int, y: int, most: int) -> int:
-    """Return the piece that holds a point, or the nearest clear cell that the point sees; -1 for none."""
+def _cell_for(cells: Cells, x: int, y: int, most: int) -> int:
+    """Return the clear cell that holds a point, or else the nearest that the point sees, flat; -1 for none."""
     # A place on the border of squares belongs to the first of them: of equally near viewpoints it has the lower number.
     row, column = (y - 1) >> SUBCELL_BITS, (x - 1) >> SUBCELL_BITS
     if not (1 <= row < len(cells.clear) // cells.width - 1 and 1 <= column < cells.width - 1):
         return NOWHERE
     cell = row * cells.width + column
-    if not cells.labels[cell]:
-        cell = nearest_clear(cells, x, y, most)
+    return cell if cells.labels[cell] else nearest_clear(cells, x, y, most)
+
+
+@njit(cache=True, nogil=True)
+def _piece_of(cells: Cells, layout: Layout, pieces: Any, first_of: NDArray[np.int32], x: int, y: int, most: int) -> int:
+    """Return the piece that holds a point, or the nearest clear cell that the point sees; -1 for none."""
+    cell = _cell_for(cells, x, y, most)
     return piece_at(pieces, first_of, cells, layout, cell) if cell >= 0 else NOWHERE
 
 
@@ -296,12 +309,11 @@ def _locate(
     if piece < 0:
         return piece
     p = pieces[piece]
-    if p.x < 0:
-        columns = len(layout.x)
-        p.x, p.y = best_place(cells, layout, p.square // columns, p.square % columns, p.label, margin)
-    if not p.visited and (p.x - x) ** 2 + (p.y - y) ** 2 <= visit_reach * visit_reach:
-        p.visited = True
-        cells.been[(p.y >> SUBCELL_BITS) * cells.width + (p.x >> SUBCELL_BITS)] = True
+    if not p.visited:
+        place_x, place_y = _usual_place(cells, layout, pieces, piece, margin)
+        if (place_x - x) ** 2 + (place_y - y) ** 2 <= visit_reach * visit_reach:
+            p.visited = True
+            cells.been[(place_y >> SUBCELL_BITS) * cells.width + (place_x >> SUBCELL_BITS)] = True
     return piece
 
 
@@ -345,7 +357,7 @@ def _renew_viewpoints(
     ended = np.empty(used + gone_count, dtype=np.int32)
     lookouts = np.full((used, 2), NOWHERE, dtype=np.int64)
     if everywhere and here >= 0:
-        cells.been[(robot[1] >> SUBCELL_BITS) * cells.width + (robot[0] >> SUBCELL_BITS)] = True
+        cells.been[_cell_for(cells, robot[0], robot[1], clear_reach)] = True
         pieces[here].visited = True
         find_lookouts(cells, layout, pieces, first_of, frontiers, clear_reach, been_reach, lookouts)
     fresh_count, ended_count = _choose(
