@@ -93,8 +93,8 @@ class Mapper:
     def update(self, pose: Pose) -> None:
         """Bring frontiers, viewpoints, edges, utilities, beacons, visited flags and the robot's node up to date.
 
-        A viewpoint counts as visited when it is the robot's node and within half a spacing, or once nothing else is left
-        to look at. One that has moved to a lookout counts as not visited.
+        A viewpoint counts as visited when it is the robot's node and within half a spacing, or once nothing else is
+        left to look at. One that has moved to a lookout counts as not visited.
 
         Raises:
             MappingError: the pose is not finite or too far away, or more viewpoints are reachable than an observation
@@ -478,6 +478,6 @@ def _check_near(name: str, position: tuple[float, float], origin: tuple[float, f
     # Written so that NaN is not near.
     if not all(abs(value - middle) <= FARTHEST for value, middle in zip(position, origin, strict=True)):
         raise MappingError(
-            f"{name} must be finite and within {FARTHEST / 1000:g} km of the lattice's origin {origin}, got {position}: "
-            "check the map frame and the robot's localisation"
+            f"{name} must be finite and within {FARTHEST / 1000:g} km of the lattice's origin {origin}, got "
+            f"{position}: check the map frame and the robot's localisation"
         )

@@ -295,8 +295,8 @@ class ReferenceMapper:
     def cell_for(self, point: Point) -> Cell | None:
         """The clear cell that stands for a point: the one that holds it, else the nearest that it can be driven to.
 
-        A point on a border belongs to the lower cell. The straight line to the nearest cell is free; those are preferred
-        to which it comes no nearer to anything that is not free than the point is.
+        A point on a border belongs to the lower cell. The straight line to the nearest cell is free; those are
+        preferred to which it comes no nearer to anything that is not free than the point is.
         """
         cell = cell_of((point[0] - 1, point[1] - 1))
         if cell in self.piece_at:
