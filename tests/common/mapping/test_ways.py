@@ -50,7 +50,7 @@ def space_along(free: np.ndarray, resolution: float, a: Position, b: Position, m
     columns, rows = (points - most / resolution).min(axis=0), (points + most / resolution).max(axis=0)
     left, bottom = (max(int(np.floor(v)) + 1, 0) for v in columns)
     right, top = (int(np.floor(v)) + 2 for v in rows)
-    blocked = np.argwhere(~padded[bottom : top + 1, left : right + 1]) + (bottom - 1, left - 1)
+    blocked = np.argwhere(~padded[bottom : top + 1, left : right + 1]) + np.array([bottom - 1, left - 1])
     if not len(blocked):
         return most
     low = blocked[:, ::-1].astype(float)
