@@ -88,9 +88,9 @@ def measure(config: DeployConfig, planner: Planner | None, world_source: str, se
             area = outcome.mapper.explored_area
             print(f"after {len(rows) * TICK:.0f} s and {driven:.0f} m: {outcome.orders.reason}; {area:.0f} m2")
             break
-        if outcome.course is None:
+        if outcome.aim is None:
             continue
-        aim = outcome.course.route[0]
+        aim = outcome.aim
         yaw = atan2(aim[1] - pose.y, aim[0] - pose.x)
         step = min(TICK, pose.distance_to(aim))
         there = Pose(pose.x + step * cos(yaw), pose.y + step * sin(yaw), yaw)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -10,6 +10,8 @@ from common.config.schema import Fraction, MappingConfig, Positive, Section
 from common.ids import ID_PATTERN
 from deploy.network_config import FramesConfig, RosConfig, TopicsConfig
 
+# Viewpoints of the shipped policies lie a fifth of the sensor's range apart.
+SPACINGS_IN_RANGE: Final = 5.0
 Point = tuple[float, float]
 NonNegative = Annotated[float, Field(ge=0.0)]
 
@@ -199,13 +201,16 @@ class SafetyConfig(Section):
 
 
 class RobotMappingConfig(MappingConfig):
-    """Belief, viewpoint graph, utility and beacons, at the scale of the paper's robot."""
+    """Belief, viewpoint graph, utility and beacons of a robot."""
 
     # Defaults of their own: setting one of the others must leave these as they are.
     resolution: Positive = 0.2
     """Belief cell, metres."""
-    viewpoint_spacing: Positive = 1.0
-    """Distance between neighbouring viewpoints of the lattice, metres."""
+    viewpoint_spacing: Positive = 4.0
+    """Side of the squares that hold viewpoints, metres; a fifth of the sensor range when not given, as in training."""
+    robot_radius: NonNegative = 0.3
+    """Room that the viewpoint graph keeps for the robot's centre, metres: no edge leads through less clearance;
+    `driving.robot_radius` and `driving.clearance` together when not given."""
 
 
 class DeployConfig(Section):
@@ -220,7 +225,7 @@ class DeployConfig(Section):
     topics: TopicsConfig = Field(default_factory=TopicsConfig)
     """Topic names."""
     mapping: RobotMappingConfig = Field(default_factory=RobotMappingConfig)
-    """Belief, viewpoint graph, utility and beacons; the paper's robot has 0.2 m cells and viewpoints 1 m apart."""
+    """Belief, viewpoint graph, utility and beacons."""
     sensing: SensingConfig = Field(default_factory=SensingConfig)
     """How sensor messages become the belief."""
     decision: DecisionConfig = Field(default_factory=DecisionConfig)
@@ -236,3 +241,20 @@ class DeployConfig(Section):
         if not ID_PATTERN.fullmatch(value):
             raise ValueError("use 1 to 64 lower-case letters, digits and dashes, such as 'robot-2'")
         return value
+
+    @model_validator(mode="after")
+    def _graph_suits_the_robot(self) -> DeployConfig:
+        mapping, driving = self.mapping, self.driving
+        follows = {
+            "viewpoint_spacing": max(mapping.sensor_range / SPACINGS_IN_RANGE, 2.0 * mapping.resolution),
+            "robot_radius": driving.robot_radius + driving.clearance,
+        }
+        missing = {name: value for name, value in follows.items() if name not in mapping.model_fields_set}
+        # Filled in here, and nowhere else, because it follows from two sections.
+        object.__setattr__(self, "mapping", mapping.model_copy(update=missing))
+        if driving.enabled and self.mapping.robot_radius < driving.robot_radius:
+            raise ValueError(
+                f"mapping.robot_radius ({self.mapping.robot_radius} m) must not be below driving.robot_radius "
+                f"({driving.robot_radius} m), or the graph leads where the robot does not fit: raise it or leave it out"
+            )
+        return self

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import Final
 
 import numpy as np
@@ -15,9 +14,10 @@ from common.mapping.adjacency import Adjacency
 from common.mapping.beacons import find_beacons
 from common.mapping.belief import Belief
 from common.mapping.cell_grid import ClearGrid
-from common.mapping.clearance import SWEEP_TOLERANCE, sweep
+from common.mapping.clearance import CLEAR_CELL, SWEEP_TOLERANCE, TIGHT, sweep
 from common.mapping.distances import shortest_paths
 from common.mapping.frontiers import FrontierChanges, Frontiers
+from common.mapping.pieces import cells_of_nodes
 from common.mapping.planning_set import Frame, anything_left, gather, sparse_edges
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 from common.mapping.sight import CLEAR, NOTHING_LOST, blocker
@@ -26,6 +26,8 @@ from common.mapping.utility import FrontierUtility
 from common.mapping.viewpoints import ViewpointGraph
 from common.observation import MAX_VIEWPOINTS, Observation
 
+# Positions lie so near to the lattice's origin along each axis, metres: in subcells they must fit into 64 bits.
+FARTHEST: Final = 1.0e6
 _NO_NODES: Final = np.empty(0, dtype=np.int32)
 _NO_EDGES: Final = Adjacency(np.zeros(1, np.int64), _NO_NODES, np.empty(0), np.empty(0, np.bool_))
 _NO_CHANGES: Final = FrontierChanges(_NO_NODES, _NO_NODES, NOTHING_LOST)
@@ -47,7 +49,6 @@ class Mapper:
 
     Attributes:
         belief: the grid; it grows by itself when a scan reaches outside.
-        target: (x, y) of the navigation target, metres, or None.
         frontiers_removed: frontier cells that updates have found to be frontiers no more, since the start; it only
             rises, so that differences tell what a step achieved.
     """
@@ -69,17 +70,18 @@ class Mapper:
             target: (x, y) of the navigation target, metres.
 
         Raises:
-            MappingError: a position is not finite, or the bounds are empty.
+            MappingError: a position is not finite or too far away, or the bounds are empty.
         """
-        for name, point in (("lattice_origin", lattice_origin), ("target", target)):
-            if point is not None and not np.isfinite(point).all():
-                raise MappingError(f"{name} must be finite, got {point}: pass (x, y) in metres")
+        if not np.isfinite(lattice_origin).all():
+            raise MappingError(f"lattice_origin must be finite, got {lattice_origin}: pass (x, y) in metres")
+        if target is not None:
+            _check_near("target", target, lattice_origin)
         self.belief = Belief(config.resolution, config.sensor_range, anchor=lattice_origin, bounds=bounds)
         self.frontiers_removed = 0
         self._config = config
         self._lattice_origin = lattice_origin
         self._beacon_reach = round(config.beacon_range / config.resolution * SUBCELLS)
-        self._target = None if target is None else Target(target, config)
+        self.target = target
         self._pose: Pose | None = None
         self._rebuild(None)
         self._forget_nodes()
@@ -91,13 +93,14 @@ class Mapper:
     def update(self, pose: Pose) -> None:
         """Bring frontiers, viewpoints, edges, utilities, beacons, visited flags and the robot's node up to date.
 
-        A viewpoint counts as visited when it is the robot's node and within half a spacing.
+        A viewpoint counts as visited when it is the robot's node and within half a spacing, or once nothing else is
+        left to look at. One that has moved to a lookout counts as not visited.
 
         Raises:
-            MappingError: the pose is not finite, or more viewpoints are reachable than an observation can hold.
+            MappingError: the pose is not finite or too far away, or more viewpoints are reachable than an observation
+                can hold.
         """
-        if not (isfinite(pose.x) and isfinite(pose.y)):
-            raise MappingError(f"a pose must be finite, got {pose}: check the robot's localisation")
+        _check_near("a pose", pose.position, self._lattice_origin)
         belief = self.belief
         if belief.generation != self._generation:
             self._rebuild(self._graph)
@@ -155,8 +158,14 @@ class Mapper:
 
     @property
     def target(self) -> tuple[float, float] | None:
-        """(x, y) of the navigation target, metres, or None."""
+        """(x, y) of the navigation target, metres, or None; another one counts from the next `update`."""
         return None if self._target is None else self._target.position
+
+    @target.setter
+    def target(self, position: tuple[float, float] | None) -> None:
+        if position is not None:
+            _check_near("target", position, self._lattice_origin)
+        self._target = None if position is None else Target(position, self._config)
 
     @property
     def target_known(self) -> bool:
@@ -189,6 +198,11 @@ class Mapper:
     def lattice_origin(self) -> tuple[float, float]:
         """(x, y) of one point of the viewpoint lattice, metres."""
         return self._lattice_origin
+
+    @property
+    def frontier_mask(self) -> NDArray[np.bool_]:
+        """Frontier cells, bool, shape of the belief's padded grid; a copy."""
+        return self._frontiers.padded_mask.copy()
 
     @property
     def viewpoints(self) -> NDArray[np.float64]:
@@ -316,6 +330,31 @@ class Mapper:
         wanted = sweep(cells.belief, cells.width, x0, y0, x0, y0, radius)
         return bool(sweep(cells.belief, cells.width, x0, y0, x1, y1, wanted) >= wanted - SWEEP_TOLERANCE)
 
+    @property
+    def room(self) -> NDArray[np.bool_]:
+        """Cells in whose middle the robot fits by what is known, bool, shape of the belief's padded grid; a copy."""
+        clear = self._graph.cells.clear.reshape(self.belief.padded.shape)
+        return (clear == CLEAR_CELL) | (clear == TIGHT)
+
+    def has_room(self, position: tuple[float, float]) -> bool:
+        """Whether the robot fits where the middle of a position's cell is, by what is known."""
+        row, column = self.belief.cell(position)
+        rows, columns = self.belief.shape
+        if not (0 <= row < rows and 0 <= column < columns):
+            return False
+        cells = self._graph.cells
+        return int(cells.clear[(row + 1) * cells.width + column + 1]) in (CLEAR_CELL, TIGHT)
+
+    def reachable_cells(self) -> NDArray[np.bool_]:
+        """Return the cells in whose middle the robot can get from where it is: those that the viewpoints stand for.
+
+        Returns:
+            bool, shape of the belief's padded grid.
+        """
+        graph = self._graph
+        inside = cells_of_nodes(graph.pieces, graph.first_of, graph.cells, graph.layout, self._numbers)
+        return inside.reshape(self.belief.padded.shape)
+
     def distances(self, from_node: int) -> NDArray[np.float64]:
         """Return the distance of every node from a viewpoint over edges, metres, shape (nodes,).
 
@@ -432,3 +471,13 @@ class Mapper:
         self._positions = np.empty((0, 2))
         if self._target is not None:
             self._target.forget()
+
+
+def _check_near(name: str, position: tuple[float, float], origin: tuple[float, float]) -> None:
+    """Raise a MappingError unless a position is one that subcells can say."""
+    # Written so that NaN is not near.
+    if not all(abs(value - middle) <= FARTHEST for value, middle in zip(position, origin, strict=True)):
+        raise MappingError(
+            f"{name} must be finite and within {FARTHEST / 1000:g} km of the lattice's origin {origin}, got "
+            f"{position}: check the map frame and the robot's localisation"
+        )

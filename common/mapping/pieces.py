@@ -219,3 +219,22 @@ def piece_at(pieces: Any, first_of: NDArray[np.int32], cells: Cells, layout: Lay
     while piece >= 0 and pieces[piece].label != label:
         piece = pieces[piece].next
     return piece
+
+
+@njit(cache=True, nogil=True)
+def cells_of_nodes(
+    pieces: Any, first_of: NDArray[np.int32], cells: Cells, layout: Layout, numbers: NDArray[np.int32]
+) -> NDArray[np.bool_]:
+    """Return which cells belong to pieces that are nodes, bool, flat; ``numbers`` has the node of each piece or -1."""
+    width, columns = cells.width, len(layout.x)
+    inside = np.zeros(len(cells.labels), dtype=np.bool_)
+    for square in range(len(first_of)):
+        j, i = square // columns, square % columns
+        piece = first_of[square]
+        while piece >= 0:
+            label = pieces[piece].label if numbers[piece] >= 0 else 0
+            for row in range(layout.row_begin[j], layout.row_begin[j + 1] if label else 0):
+                for column in range(layout.column_begin[i], layout.column_begin[i + 1]):
+                    inside[row * width + column] |= cells.labels[row * width + column] == label
+            piece = pieces[piece].next
+    return inside

@@ -6,7 +6,6 @@ import numpy as np
 
 from common.config.schema import MappingConfig
 from common.geometry import Pose, Scan
-from common.mapping.coarse_graph import coarse_graph
 from common.mapping.mapper import Mapper
 from common.mapping.raycast import cast_rays, ray_angles
 
@@ -19,7 +18,7 @@ def warm_up() -> None:
     """
     free = np.ones((48, 48), dtype=np.bool_)
     free[20:30, 24] = False
-    config = MappingConfig(resolution=0.5, sensor_range=8.0, viewpoint_spacing=2.0, beacon_range=4.0)
+    config = MappingConfig(resolution=0.5, sensor_range=8.0, viewpoint_spacing=2.0, beacon_range=4.0, robot_radius=0.6)
     mapper = Mapper(config, lattice_origin=(0.0, 0.0), target=(22.0, 12.0))
     angles = ray_angles(0.0, 0.0, np.pi / 36, 72)
     for x in (4.0, 10.0, 20.0):
@@ -29,5 +28,11 @@ def warm_up() -> None:
         mapper.update(pose)
     mapper.observe()
     mapper.distances(0)
-    coarse_graph(mapper, 2)
+    for a, b in mapper.edges.tolist():
+        mapper.way(a, b)
+    mapper.way_home()
+    mapper.sightings()
+    mapper.reachable_cells()
+    # Clear space, then beside a wall.
     mapper.segment_free((4.0, 12.0), (6.0, 12.0))
+    mapper.segment_free((12.3, 9.0), (14.0, 9.0))

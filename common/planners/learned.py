@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 
 from common.config.schema import MappingConfig
 from common.geometry import Pose
-from common.mapping.coarse_graph import coarse_graph
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.greedy import GreedyPlanner
-from common.planners.held_waypoint import HeldWaypoint
-from common.planners.lattice import ScannedViewpoints, check_task, lead_to, next_leg, nothing_left
+from common.planners.lattice import ON_VIEWPOINT, ScannedViewpoints, check_task, lead_to, next_leg, nothing_left
 from common.planners.news import PlacesSinceNews
 from common.policy import Policy
 from common.policy_file import PolicyCard, read_policy
@@ -60,10 +58,9 @@ class LearnedPlanner:
     or is done with its goal, so there is an end. The rule is no part of the paper, so its decisions are counted, and
     `hdplanner-bare` is the network without it.
 
-    The network reads steps of the lattice, not metres. Where viewpoints are closer together than in training, as a
-    share of the sensor's range, it decides on a graph of wider ones (`coarse_graph`), and the robot goes to the
-    waypoint over the viewpoints between before it decides again. A target that is known to be free needs no decision
-    there: the rule leads to it.
+    The network reads steps of the lattice, not metres: viewpoints should be as far apart as in training, as a share of
+    the sensor's range. Otherwise all that it sees is wider, or more finely divided, than what it was trained on, and a
+    warning says so.
 
     Attributes:
         card: what the policy is and where it comes from; of shipped policies that of the last `reset`, None before.
@@ -75,7 +72,6 @@ class LearnedPlanner:
     policy: Policy
     attention: Attention | None
     _beacon: Position | None
-    _factor: int
 
     def __init__(
         self,
@@ -145,11 +141,6 @@ class LearnedPlanner:
             return end
         if self._places.forget_on_news(mapper):
             self._way_out = None
-        if self._factor > 1 and self._end_cycles and mapper.target_known:
-            self._way_out = mapper.target
-        held = self._held.node(mapper, pose)
-        if held is not None:
-            return self._lead_to(mapper, pose, held)
         self._places.add(mapper.position(mapper.robot))
         detour = self._follow_way_out(mapper, pose)
         if detour is not None:
@@ -160,9 +151,6 @@ class LearnedPlanner:
             detour = self._follow_way_out(mapper, pose)
             if detour is not None:
                 return detour
-        if self._factor > 1:
-            self._held.hold(mapper, waypoint)
-            return self._lead_to(mapper, pose, waypoint)
         plan = next_leg(mapper, pose, [mapper.robot, waypoint], self._config.viewpoint_spacing)
         return replace(plan, beacon=self._beacon)
 
@@ -175,32 +163,28 @@ class LearnedPlanner:
             if observation.has_target:
                 return Plan(Status.UNREACHABLE, reason="no reachable viewpoint observes a frontier or the target")
             return Plan(Status.COMPLETE, reason="no reachable viewpoint observes a frontier")
-        useful = observation.utility > 0
         self._scanned.note(mapper, pose)
-        if not observation.target_known and self._scanned.mask(mapper.viewpoints)[useful].all():
+        if not observation.target_known and not len(self._scanned.candidates(mapper)):
             status = Status.UNREACHABLE if observation.has_target else Status.COMPLETE
-            return Plan(status, reason=nothing_left(int(np.count_nonzero(useful))))
+            return Plan(status, reason=nothing_left(int(np.count_nonzero(observation.utility))))
         if not len(observation.waypoint_nodes()):
-            return Plan(Status.STUCK, reason="the robot's viewpoint has no neighbour")
+            # What is to be seen is seen from the only viewpoint there is.
+            plan = next_leg(mapper, pose, [mapper.robot], self._config.viewpoint_spacing)
+            return plan if plan.waypoint else Plan(Status.STUCK, reason="the robot's viewpoint has no neighbour")
         return None
 
     def _decide(self, mapper: Mapper) -> int:
         """Return the node that the network chooses; it notes the beacon and the attention."""
-        graph = coarse_graph(mapper, self._factor)
-        observation, nodes = graph.observation, graph.nodes
+        observation = mapper.observe()
         decision = self.policy.decide(observation, greedy=True, rng=self._random)
-        self._beacon = mapper.position(int(nodes[decision.beacon]))
+        self._beacon = mapper.position(decision.beacon)
         self.attention = Attention(
-            _positions(mapper, nodes[observation.waypoint_nodes()]),
+            _positions(mapper, observation.waypoint_nodes()),
             decision.waypoint_probabilities,
-            _positions(mapper, nodes[observation.beacon_nodes()]),
+            _positions(mapper, observation.beacon_nodes()),
             decision.beacon_probabilities,
         )
-        return int(nodes[decision.waypoint])
-
-    def _lead_to(self, mapper: Mapper, pose: Pose, waypoint: int) -> Plan:
-        """Return the next leg to a waypoint that may be several edges away."""
-        return replace(lead_to(mapper, pose, [waypoint], self._config.viewpoint_spacing), beacon=self._beacon)
+        return decision.waypoint
 
     def _find_way_out(self, mapper: Mapper, pose: Pose) -> Position | None:
         """Return the goal of a detour: a known target, or a useful viewpoint that was not scanned from, or None."""
@@ -208,8 +192,8 @@ class LearnedPlanner:
             return mapper.target
         positions = mapper.viewpoints
         distances = mapper.distances(mapper.robot)
-        useful = (mapper.observe().utility > 0) & ~self._scanned.mask(positions)
-        candidates = np.flatnonzero(useful & np.isfinite(distances[: len(positions)]))
+        candidates = self._scanned.candidates(mapper)
+        candidates = candidates[np.isfinite(distances[candidates])]
         if not len(candidates):
             return None
         if mapper.target is None:
@@ -243,11 +227,9 @@ class LearnedPlanner:
     def _forget(self) -> None:
         self._random = np.random.default_rng(0)
         self._scanned = ScannedViewpoints(self._config.viewpoint_spacing)
-        self._held = HeldWaypoint(self._config.viewpoint_spacing)
         self._beacon = None
-        self._factor = 1 if self.card is None else _factor(self.card.mapping, self._config)
-        # Which viewpoints stand for a coarse graph's squares changes from decision to decision, by half a square.
-        self._places = PlacesSinceNews(self._factor * self._config.viewpoint_spacing / 2.0 if self._factor > 1 else 0.0)
+        # Viewpoints beside lattice points move a little whenever their surroundings become known better.
+        self._places = PlacesSinceNews(ON_VIEWPOINT * self._config.viewpoint_spacing)
         self._way_out = None
         self.rule_applied = 0
         self.attention = None
@@ -256,11 +238,6 @@ class LearnedPlanner:
 def _spacing(trained: MappingConfig, given: MappingConfig) -> float:
     """Return how far apart viewpoints were in training, at the given sensor's range, metres."""
     return trained.viewpoint_spacing * given.sensor_range / trained.sensor_range
-
-
-def _factor(trained: MappingConfig, given: MappingConfig) -> int:
-    """Return how many times as far apart as the given ones that is, at least 1."""
-    return max(1, round(_spacing(trained, given) / given.viewpoint_spacing))
 
 
 def _positions(mapper: Mapper, nodes: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -274,18 +251,18 @@ def bare_planner(config: MappingConfig, *, policy: str | Path | None = None) -> 
 
 def _warn_of_other_mapping(card: PolicyCard, config: MappingConfig) -> None:
     trained, given = card.mapping.model_dump(), config.with_planning_set_of(card.mapping).model_dump()
-    scaled = ("utility_range", "min_utility", "least_utility", "beacon_range", "viewpoint_spacing")
+    # A radius changes where viewpoints are, not how the network reads them.
+    scaled = ("utility_range", "min_utility", "least_utility", "beacon_range", "viewpoint_spacing", "robot_radius")
     differing = [
         f"{name} {trained[name]} (here {given[name]})"
         for name in given
         if name not in scaled and trained[name] != given[name]
     ]
     wanted = _spacing(card.mapping, config)
-    seen = config.viewpoint_spacing * _factor(card.mapping, config)
-    if not wanted / SPACING_TOLERANCE <= seen <= wanted * SPACING_TOLERANCE:
+    if not wanted / SPACING_TOLERANCE <= config.viewpoint_spacing <= wanted * SPACING_TOLERANCE:
         differing.append(
-            f"viewpoints as if {wanted:g} m apart at this range (here {seen:g} m): set mapping.viewpoint_spacing to "
-            "that or a fraction of it"
+            f"viewpoints {wanted:g} m apart at a sensor range of {config.sensor_range:g} m "
+            f"(here {config.viewpoint_spacing:g} m: set mapping.viewpoint_spacing={wanted:g})"
         )
     if differing:
         log.warning("the policy of run %r was trained with another mapping: %s", card.run, ", ".join(differing))

@@ -11,8 +11,8 @@ from typing import Final
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status
+from deploy.bridge.aim import Aim
 from deploy.bridge.completion import CompletionChecks
-from deploy.bridge.detour import nearest_free_place
 from deploy.bridge.diagnosis import diagnose
 from deploy.bridge.legs import begun_at, drivable, free_in, nothing_to_see
 from deploy.bridge.map_source import MapSource
@@ -20,6 +20,8 @@ from deploy.bridge.mission import Mission, Orders, Phase
 from deploy.bridge.outcome import Course, Outcome
 from deploy.bridge.oversight import Oversight
 from deploy.bridge.team import PlannerError, PlannerTeam
+from deploy.bridge.unseen import Unseen
+from deploy.bridge.way_out import way_out
 from deploy.config import DeployConfig
 from deploy.safety.health import Fault, FaultKind, HealthMonitor
 
@@ -78,6 +80,8 @@ class DecisionLoop:
         self._version = -1
         self._was_moving = False
         self._course: Course | None = None
+        self._aim: Aim | None = None
+        self._unseen: Unseen | None = None
         self._hold = ""
         self._faults: list[Fault] = []
         self._next = float("-inf")
@@ -133,6 +137,7 @@ class DecisionLoop:
     def _begin_episode(self, orders: Orders, now: float) -> None:
         self._stand("")
         self._checks.reset()
+        self._unseen = None
         self._next, self._asked = now, None
         if orders.phase is Phase.RETURNING and orders.home is not None:
             self._oversight.begin(orders.home, now)
@@ -151,8 +156,10 @@ class DecisionLoop:
         return mapper
 
     def _check(self, mapper: Mapper | None, now: float) -> None:
-        waypoint = self._course.waypoint if self._course else None
-        self._faults = self._health.check(now, waypoint=waypoint, is_free=None if mapper is None else free_in(mapper))
+        course = self._course
+        waypoint = course.waypoint if course else None
+        is_free = free_in(mapper, with_room=course.with_room) if mapper is not None and course else None
+        self._faults = self._health.check(now, waypoint=waypoint, is_free=is_free)
 
     def _due(self, mapper: Mapper, pose: Pose, now: float) -> bool:
         """Whether it is time to decide."""
@@ -165,7 +172,7 @@ class DecisionLoop:
         if blocked:
             self._oversight.give_up(course, blocked, now)
             return True
-        if any(fault.kind is FaultKind.WAYPOINT_OCCUPIED for fault in self._faults) or self._arrived(pose):
+        if any(fault.kind is FaultKind.WAYPOINT_OCCUPIED for fault in self._faults) or self._arrived(mapper, pose):
             return True
         if now < self._next or (self._config.replan == "seen" and not self._seen(mapper, course.goal)):
             return False
@@ -173,7 +180,7 @@ class DecisionLoop:
 
     def _seen(self, mapper: Mapper, goal: Position) -> bool:
         """Whether nothing is left to see from where the robot is going."""
-        return goal != self._oversight.target and nothing_to_see(mapper, goal)
+        return goal != self._oversight.target and nothing_to_see(mapper, goal, self._mapping.viewpoint_spacing)
 
     def _decide(self, mapper: Mapper, pose: Pose, now: float) -> bool:
         """Let a planner decide where to go, and watch over its choice."""
@@ -183,9 +190,11 @@ class DecisionLoop:
         self._asked = (pose, self._version, mapper.belief.known_cells)
         if self._at_goal(pose):
             return False
-        place = self._place(mapper, pose)
+        way = self._way_to_place(mapper, pose)
+        place = Pose(*way[-1], pose.yaw) if way else pose
         try:
-            plan = self.team.plan(mapper, place, now)
+            look = self._oversight.look_around(mapper, place, now) if way else None
+            plan = look or self.team.plan(mapper, place, now)
         except PlannerError as error:
             self._health.policy_failed(error)
             self._faults.append(Fault(FaultKind.POLICY_ERROR, str(error)))
@@ -197,38 +206,38 @@ class DecisionLoop:
         self._faults = [fault for fault in self._faults if fault.kind not in _MENDED_BY_PLANNING]
         if plan.status is Status.GOING and not self._oversight.allows(plan, place, now):
             plan = self._oversight.around(mapper, place, now)
-        if plan.status is not Status.GOING:
-            plan = self._oversight.over_cells(mapper, place, plan, now)
+        elif plan.status is not Status.GOING:
+            plan = self._oversight.second_look(mapper, place, plan, now)
         if plan.status is Status.GOING and plan.waypoint is not None:
-            if not (stands and self._arrived(pose)):
-                plan = begun_at(mapper, pose, place, plan)
+            if not (stands and self._arrived(mapper, pose)):
+                plan = begun_at(mapper, pose, way, plan)
             self._go(mapper, pose, plan, place, now)
         else:
             self._nowhere(mapper, place, plan)
         return True
 
-    def _place(self, mapper: Mapper, pose: Pose) -> Pose:
-        """Return where the planner shall take the robot to be, with the mapper updated there.
+    def _way_to_place(self, mapper: Mapper, pose: Pose) -> list[Position]:
+        """Return the way to where the planner shall take the robot to be, with the mapper updated there; mostly empty.
 
-        A robot that came as near to its waypoint as it was asked to counts as being on it. One whose own place is not
-        free by the map counts as being at the nearest place that is.
+        A robot that came as near to its waypoint as it was asked to counts as being on it. One that does not fit where
+        it stands, by the map, counts as being at the nearest place where it does.
         """
-        if self._course is not None and self._arrived(pose):
-            on_waypoint = Pose(*self._course.waypoint, pose.yaw)
-            mapper.update(on_waypoint)
+        if self._course is not None and self._arrived(mapper, pose):
+            waypoint = self._course.waypoint
+            mapper.update(Pose(*waypoint, pose.yaw))
             if not mapper.stuck:
-                return on_waypoint
+                return [waypoint]
         mapper.update(pose)
-        if not mapper.stuck:
-            return pose
-        place = nearest_free_place(mapper, pose, 2.0 * self._mapping.viewpoint_spacing)
-        if place is None:
-            mapper.update(pose)
-        return place or pose
+        return way_out(mapper, pose, 2.0 * self._mapping.viewpoint_spacing) if mapper.stuck else []
 
-    def _arrived(self, pose: Pose) -> bool:
+    def _arrived(self, mapper: Mapper, pose: Pose) -> bool:
+        """Whether the robot is near its waypoint, and no wall is between the two."""
         course = self._course
-        return course is not None and pose.distance_to(course.waypoint) <= self._config.arrival_radius
+        return (
+            course is not None
+            and pose.distance_to(course.waypoint) <= self._config.arrival_radius
+            and (not course.via or mapper.segment_free(pose.position, course.waypoint))
+        )
 
     # Going.
 
@@ -239,9 +248,17 @@ class DecisionLoop:
         self._checks.reset()
         self._hold = ""
         old = self._course
-        reached = old.waypoint if old is not None and self._arrived(pose) else None
-        route = drivable(mapper, [waypoint, *plan.path], lambda start, end: self._oversight.may_enter(start, end, now))
-        self._course = Course(waypoint, plan.beacon, tuple(plan.path), route, plan.reason)
+        reached = old.waypoint if old is not None and self._arrived(mapper, pose) else None
+        self._course = Course(
+            waypoint=waypoint,
+            beacon=plan.beacon,
+            via=tuple(plan.via),
+            path=tuple(plan.path),
+            route=drivable(mapper, plan, lambda start, end: self._oversight.may_enter(start, end, now)),
+            with_room=mapper.has_room(waypoint),
+            reason=plan.reason,
+        )
+        self._aim = Aim(pose, [*plan.via, waypoint], self._config.arrival_radius)
         self._watch(self._course, mapper, place, reached, now)
 
     def _watch(self, course: Course, mapper: Mapper, place: Pose, reached: Position | None, now: float) -> None:
@@ -266,6 +283,7 @@ class DecisionLoop:
         text = f"{found.text} ({plan.reason})" if exploring else plan.reason
         done = exploring or plan.status is Status.COMPLETE
         if self._checks.passed(self._version):
+            self._unseen = found.unseen if exploring else None
             self._end(Phase.FINISHED if done else Phase.FAILED, text)
         else:
             self._stand(f"check {self._checks.count} of {self._checks.needed}: {text}")
@@ -282,7 +300,7 @@ class DecisionLoop:
         return True
 
     def _end(self, phase: Phase, text: str) -> None:
-        log.info("%s: %s", phase, text)
+        log.log(logging.INFO if self._unseen is None else logging.WARNING, "%s: %s", phase, text)
         self._stand("")
         returning = self._mission.orders.phase is Phase.RETURNING
         if phase is Phase.FINISHED and self._config.return_home and not returning:
@@ -291,15 +309,19 @@ class DecisionLoop:
             self._mission.end(phase, text, self._episode)
 
     def _stand(self, why: str) -> None:
-        self._course = None
+        self._course = self._aim = None
         self._hold = why
 
     def _outcome(self, mapper: Mapper | None, pose: Pose | None, now: float, decided: bool, seconds: float) -> Outcome:
         orders = self._mission.orders
+        aim = None
+        if orders.moving and self._aim is not None and mapper is not None and pose is not None:
+            aim = self._aim.advance(mapper, pose)
         return Outcome(
             orders=orders,
             hold=self._hold if orders.moving else "",
             course=self._course if orders.moving else None,
+            aim=aim,
             planner=self.team.in_charge(now).name,
             relieved=self.team.why_relieved if self.team.relieved(now) else "",
             decided=decided,
@@ -309,4 +331,5 @@ class DecisionLoop:
             pose=pose,
             checks=self._checks.count,
             bans=self._oversight.bans(now),
+            unseen=self._unseen,
         )

@@ -1,25 +1,26 @@
-"""A way around places that are banned, for when the planner's own choice is one of them."""
+"""A way around places that are banned or fenced off, for when the planner's own choice is one of them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import hypot
+from dataclasses import replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.geometry import Pose
+from common.mapping.distances import shortest_paths
 from common.mapping.mapper import Mapper
-from common.mapping.sight import FREE
 from common.planners.base import Plan, Position, Status
+from common.planners.lattice import next_leg
 
-Allowed = Callable[[Position], bool]
+MayEnter = Callable[[Position, Position], bool]
 
-# Goals that are tried, nearest first; more would cost time that a decision does not have.
-_MAX_GOALS: Final = 8
-# Free cells that are tried as a place to start from.
-_MAX_PLACES: Final = 16
+# Edges between allowed places that turn out to be closed, one after the other; more cost time that a decision lacks.
+_MAX_TRIES: Final = 20
+_REASON: Final = "a way around banned places"
 
 
 def useful_nodes(mapper: Mapper, target: Position | None) -> NDArray[np.int64]:
@@ -32,8 +33,8 @@ def useful_nodes(mapper: Mapper, target: Position | None) -> NDArray[np.int64]:
     return np.append(nodes, observation.viewpoints) if target is not None and mapper.target_known else nodes
 
 
-def detour(mapper: Mapper, pose: Pose, target: Position | None, allowed: Allowed) -> Plan:
-    """Go to the nearest useful viewpoint that can be reached over allowed viewpoints alone.
+def detour(mapper: Mapper, pose: Pose, target: Position | None, spacing: float, may_enter: MayEnter) -> Plan:
+    """Go to the nearest useful viewpoint that can be reached over allowed viewpoints and edges alone.
 
     With a target, nearness counts the straight rest to the target.
 
@@ -41,68 +42,80 @@ def detour(mapper: Mapper, pose: Pose, target: Position | None, allowed: Allowed
         mapper: updated at the pose.
         pose: of the robot.
         target: of navigation, or None.
-        allowed: whether the robot may go to a position.
+        spacing: between viewpoints, metres.
+        may_enter: whether the robot may drive straight from one position to another.
     """
     if mapper.stuck:
-        return Plan(Status.STUCK, reason="no viewpoint can be reached in a straight free line from the robot")
-    goals = [int(node) for node in useful_nodes(mapper, target) if allowed(mapper.position(int(node)))]
-    best: tuple[float, list[int]] | None = None
-    for first in mapper.observe().waypoint_nodes().tolist():
-        place = mapper.position(first)
-        if not allowed(place):
+        return Plan(Status.STUCK, reason="there is no room for the robot where it stands, by its map")
+    edges = _Edges(mapper, may_enter)
+    goals = [int(node) for node in useful_nodes(mapper, target) if edges.allowed[node]]
+    for _ in range(_MAX_TRIES):
+        route = edges.nearest(goals, target)
+        if not route:
+            break
+        closed = next((k for k, leg in enumerate(pairwise(route)) if not edges.may_drive(*leg)), None)
+        if closed is not None:
+            edges.close(route[closed], route[closed + 1])
             continue
-        if first == len(mapper.viewpoints):
-            return Plan(Status.GOING, waypoint=place, beacon=place, reason="a way around banned places")
-        distances = mapper.distances(first)
-        costs = {goal: float(distances[goal]) + _rest(mapper.position(goal), target) for goal in goals}
-        for goal in sorted(costs, key=costs.__getitem__)[:_MAX_GOALS]:
-            cost = pose.distance_to(place) + costs[goal]
-            if not np.isfinite(cost) or (best is not None and cost >= best[0]):
-                break
-            route = mapper.path(first, goal)
-            if all(allowed(mapper.position(node)) for node in route):
-                best = cost, route
-                break
-    if best is None:
-        return Plan(Status.UNREACHABLE, reason="every way to what is left is banned or fenced off")
-    places = [mapper.position(node) for node in best[1]]
-    return Plan(
-        Status.GOING, waypoint=places[0], beacon=places[-1], path=places[1:], reason="a way around banned places"
-    )
+        plan = next_leg(mapper, pose, route, spacing)
+        if plan.waypoint is None:
+            goals.remove(route[-1])
+            continue
+        return replace(plan, beacon=mapper.position(route[-1]), reason=_REASON)
+    return Plan(Status.UNREACHABLE, reason="every way to what is left is banned or fenced off")
 
 
-def nearest_free_place(mapper: Mapper, pose: Pose, reach: float) -> Pose | None:
-    """Find a place near a robot whose own cell is not free, from which viewpoints can be reached.
+class _Edges:
+    """The graph of a mapper without the nodes that are not allowed, and without edges that were closed."""
 
-    The mapper is left updated at the place that is returned, or at the last one that was tried.
+    def __init__(self, mapper: Mapper, may_enter: MayEnter) -> None:
+        self._mapper = mapper
+        self._may_enter = may_enter
+        places = [tuple(place) for place in mapper.viewpoints.tolist()]
+        if mapper.target is not None:
+            places.append(mapper.target)
+        self.allowed = np.array([may_enter(place, place) for place in places], dtype=np.bool_)
+        # The robot may leave the place where it stands.
+        self.allowed[mapper.robot] = True
+        adjacency = mapper.adjacency
+        self._pointer, self._neighbours = adjacency.pointer, adjacency.neighbours
+        self._lengths = adjacency.lengths.copy()
+        begin = np.repeat(np.arange(len(self._pointer) - 1), np.diff(self._pointer))
+        self._lengths[~(self.allowed[begin] & self.allowed[self._neighbours])] = np.inf
+        links = mapper.observe().target_links.astype(np.int64)
+        self._links = links[self.allowed[links]] if mapper.target_known else links[:0]
 
-    Args:
-        mapper: whose map and robot disagree.
-        pose: of the robot.
-        reach: metres.
-    """
-    belief = mapper.belief
-    resolution = belief.resolution
-    row, column = belief.cell(pose.position)
-    span = int(reach / resolution) + 1
-    rows, columns = belief.shape
-    low_row, low_column = max(row - span, 0), max(column - span, 0)
-    box = belief.cells[low_row : min(row + span + 1, rows), low_column : min(column + span + 1, columns)]
-    free_rows, free_columns = np.nonzero(box == FREE)
-    x = belief.origin[0] + (free_columns + low_column + 0.5) * resolution
-    y = belief.origin[1] + (free_rows + low_row + 0.5) * resolution
-    distance = np.hypot(x - pose.x, y - pose.y)
-    order = np.argsort(distance, kind="stable")
-    order = order[distance[order] <= reach]
-    # Neighbouring cells mostly see the same viewpoints, so the tries are spread over all distances.
-    step = max(len(order) // _MAX_PLACES, 1)
-    for index in order[::step].tolist():
-        place = Pose(float(x[index]), float(y[index]), pose.yaw)
-        mapper.update(place)
-        if not mapper.stuck:
-            return place
-    return None
+    def nearest(self, goals: list[int], target: Position | None) -> list[int]:
+        """Return the nodes of the shortest way to the best goal, the robot's first; empty without one."""
+        mapper = self._mapper
+        distances, before = shortest_paths(self._pointer, self._neighbours, self._lengths, mapper.robot)
+        n = len(distances)
+        best: tuple[float, list[int]] = (np.inf, [])
+        for goal in goals:
+            # The target is tied to the graph, and no part of it.
+            ends = self._links.tolist() if goal == n else [goal]
+            place = mapper.position(goal)
+            for end in ends:
+                rest = place if goal == n else target
+                straight = 0.0 if rest is None else float(np.hypot(*np.subtract(mapper.position(end), rest)))
+                cost = float(distances[end]) + straight
+                if cost < best[0]:
+                    best = cost, [*([n] if goal == n else []), end]
+        route = best[1]
+        while route and route[-1] != mapper.robot:
+            route.append(int(before[route[-1]]))
+        return route[::-1]
 
+    def may_drive(self, a: int, b: int) -> bool:
+        """Whether the way along an edge is allowed, corners included."""
+        places = [self._mapper.position(a), *self._mapper.way(a, b)]
+        return all(self._may_enter(start, end) for start, end in pairwise(places))
 
-def _rest(position: Position, target: Position | None) -> float:
-    return 0.0 if target is None else hypot(position[0] - target[0], position[1] - target[1])
+    def close(self, a: int, b: int) -> None:
+        """Take an edge away."""
+        if b == len(self._pointer) - 1:
+            self._links = self._links[self._links != a]
+            return
+        for here, there in ((a, b), (b, a)):
+            row = slice(int(self._pointer[here]), int(self._pointer[here + 1]))
+            self._lengths[row][self._neighbours[row] == there] = np.inf

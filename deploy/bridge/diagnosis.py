@@ -10,9 +10,7 @@ from common.config.schema import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.mapping.sight import FREE, OCCUPIED
-
-# A free area of so many lattice cells should hold more than one reachable viewpoint.
-_EXPECTED_CELLS: Final = 6.0
+from deploy.bridge.unseen import Unseen, find_unseen
 
 
 class Cause(StrEnum):
@@ -22,17 +20,15 @@ class Cause(StrEnum):
     """Neither scan nor map has come, or none with a pose."""
     IN_OBSTACLE = "in_obstacle"
     """The robot's own cell is not free in the map."""
-    SCALE = "scale"
-    """The map is too small or too narrow for the distance between viewpoints."""
-    CUT_OFF = "cut_off"
-    """No viewpoint can be reached from the robot's place."""
-    NO_FRONTIER = "no_frontier"
-    """Nothing unknown borders on known free space: all is explored."""
-    UNREACHABLE = "unreachable"
-    """Frontiers are left, but none that a reachable viewpoint observes."""
+    NO_ROOM = "no_room"
+    """The robot fits nowhere near its place by the map."""
+    COMPLETE = "complete"
+    """Nothing unknown borders on space that the robot can reach."""
+    LEFT_UNSEEN = "left_unseen"
+    """Something does, but no reachable viewpoint observes it, or it was looked at in vain or given up."""
 
 
-FINAL: Final = frozenset({Cause.NO_FRONTIER, Cause.UNREACHABLE})
+FINAL: Final = frozenset({Cause.COMPLETE, Cause.LEFT_UNSEEN})
 """Causes that end an exploration; with all others the robot waits and tries again."""
 
 
@@ -43,10 +39,12 @@ class Diagnosis:
     Attributes:
         cause: why.
         text: in words for the operator, with figures and what to do.
+        unseen: what is left at the edge of what the robot can reach; None where nothing is.
     """
 
     cause: Cause
     text: str
+    unseen: Unseen | None = None
 
     @property
     def final(self) -> bool:
@@ -65,33 +63,22 @@ def diagnose(mapper: Mapper | None, pose: Pose | None, config: MappingConfig) ->
     if mapper is None or pose is None or mapper.belief.known_cells == 0:
         lacking = "pose" if pose is None else "map"
         return Diagnosis(Cause.NO_MAP, f"there is no {lacking} yet: check the topics of the sensors")
-    value = mapper.belief.at(pose.position)
-    if mapper.stuck and value != FREE:
-        what = "inside an obstacle" if value == OCCUPIED else "in unknown space"
-        return Diagnosis(
-            Cause.IN_OBSTACLE,
-            f"the robot stands {what} at ({pose.x:.2f}, {pose.y:.2f}) by its map: check the localisation, the frames "
-            "and driving.robot_radius, or `reset` the map",
-        )
-    frontiers = len(mapper.frontiers)
-    viewpoints = len(mapper.viewpoints)
-    spacing = config.viewpoint_spacing
-    if viewpoints <= 1 and frontiers:
-        area = mapper.explored_area
-        if area < _EXPECTED_CELLS * spacing**2:
+    if mapper.stuck:
+        value = mapper.belief.at(pose.position)
+        here = f"({pose.x:.2f}, {pose.y:.2f}) by its map"
+        if value != FREE:
+            what = "inside an obstacle" if value == OCCUPIED else "in unknown space"
             return Diagnosis(
-                Cause.SCALE,
-                f"{area:.1f} m2 of free map hold {viewpoints} reachable viewpoints at a spacing of {spacing:g} m: wait "
-                "for more map, or lower mapping.viewpoint_spacing",
+                Cause.IN_OBSTACLE,
+                f"the robot stands {what} at {here}: check the localisation, the frames and driving.robot_radius, or "
+                "`reset` the map",
             )
         return Diagnosis(
-            Cause.CUT_OFF,
-            f"none of the viewpoints, {spacing:g} m apart, can be reached in a straight free line from "
-            f"({pose.x:.2f}, {pose.y:.2f}): passages may be too narrow for mapping.viewpoint_spacing",
+            Cause.NO_ROOM,
+            f"a robot that needs {config.robot_radius:g} m of room fits nowhere near {here}: wait for more map, "
+            "drive it into the open, or lower mapping.robot_radius",
         )
-    if not frontiers:
-        return Diagnosis(Cause.NO_FRONTIER, "no frontier is left: everything that can be seen from here is known")
-    return Diagnosis(
-        Cause.UNREACHABLE,
-        f"{frontiers} frontier cells are left that no reachable viewpoint observes, or that were looked at in vain",
-    )
+    unseen = find_unseen(mapper, config.robot_radius)
+    if unseen is None:
+        return Diagnosis(Cause.COMPLETE, "complete: no frontier is left at the edge of what the robot can reach")
+    return Diagnosis(Cause.LEFT_UNSEEN, f"not complete: {unseen}", unseen)

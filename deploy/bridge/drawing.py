@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -14,7 +15,7 @@ from deploy.bridge.outcome import Outcome
 from deploy.ros2 import Message
 from deploy.ros2.markers import Colour, clear, cubes, lines, markers, spheres
 
-# More edges than this are thinned out to those between direct neighbours: building markers must not delay decisions.
+# Of more edges than this the shortest are drawn: building markers must not delay decisions.
 _MAX_EDGES: Final = 2000
 _MAX_FRONTIERS: Final = 4000
 
@@ -51,7 +52,7 @@ def draw(outcome: Outcome, planner: Planner, stamp: float, frame: str, spacing: 
     viewpoints = mapper.viewpoints
     if not mapper.stuck:
         observation = mapper.observe()
-        parts.append(lines(stamp, frame, "edges", viewpoints[_thinned(mapper, viewpoints)], size / 8.0, _GREY))
+        parts.append(lines(stamp, frame, "edges", _segments(mapper), size / 8.0, _GREY))
         useful, visited = observation.utility > 0, observation.visited
         dots("viewpoints", viewpoints[~useful & ~visited], size / 1.5, _PLAIN)
         dots("visited", viewpoints[visited & ~useful], size / 1.5, _VISITED)
@@ -71,13 +72,22 @@ def draw(outcome: Outcome, planner: Planner, stamp: float, frame: str, spacing: 
     return markers(parts)
 
 
-def _thinned(mapper: Mapper, viewpoints: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the edges to draw, pairs of node numbers."""
-    edges = mapper.edges
-    if len(edges) <= _MAX_EDGES:
-        return edges
-    lengths = np.hypot(*(viewpoints[edges[:, 0]] - viewpoints[edges[:, 1]]).T)
-    return edges[lengths <= lengths.min() * 1.1]
+def _segments(mapper: Mapper) -> NDArray[np.float64]:
+    """Return what edges look like, metres, shape (n, 2, 2); those that are not straight by their corners."""
+    adjacency = mapper.adjacency
+    begin = np.repeat(np.arange(len(adjacency.pointer) - 1), np.diff(adjacency.pointer))
+    once = np.flatnonzero(begin < adjacency.neighbours)
+    if len(once) > _MAX_EDGES:
+        once = once[np.argpartition(adjacency.lengths[once], _MAX_EDGES)[:_MAX_EDGES]]
+    bent = adjacency.bent[once]
+    viewpoints = mapper.viewpoints
+    straight = np.stack([begin[once[~bent]], adjacency.neighbours[once[~bent]]], axis=1)
+    corners = [
+        pair
+        for a, b in zip(begin[once[bent]].tolist(), adjacency.neighbours[once[bent]].tolist(), strict=True)
+        for pair in pairwise([mapper.position(a), *mapper.way(a, b)])
+    ]
+    return np.concatenate([viewpoints[straight].reshape(-1, 2, 2), np.array(corners).reshape(-1, 2, 2)])
 
 
 def _opacity(probabilities: NDArray[np.float32]) -> dict[str, object]:

@@ -12,39 +12,70 @@ from common.mapping.mapper import Mapper
 from common.mapping.sight import FREE
 from common.planners.base import Plan, Position
 
+# A viewpoint moves when what is known of its surroundings changes; within this share of the spacing it is the same.
+_SAME_VIEWPOINT = 0.25
 
-def nothing_to_see(mapper: Mapper, goal: Position) -> bool:
-    """Whether a viewpoint, metres, observes no frontier any more; False for places that are none."""
+
+def nothing_to_see(mapper: Mapper, goal: Position, spacing: float) -> bool:
+    """Whether the viewpoint at a place, metres, observes no frontier any more; False for places that are none."""
     if mapper.stuck:
         return False
     gaps = np.hypot(*(mapper.viewpoints - np.array(goal)).T)
     node = int(gaps.argmin())
-    return bool(gaps[node] < mapper.belief.resolution and mapper.observe().utility[node] == 0)
+    return bool(gaps[node] < _SAME_VIEWPOINT * spacing and mapper.observe().utility[node] == 0)
 
 
-def begun_at(mapper: Mapper, pose: Pose, place: Pose, plan: Plan) -> Plan:
-    """Begin a plan with the place that it was made for, where the robot cannot cut the corner.
+def begun_at(mapper: Mapper, pose: Pose, way: Sequence[Position], plan: Plan) -> Plan:
+    """Begin a plan with the way to the place that it was made for, where the robot cannot cut the corner.
 
     A robot that has come to a stand near that place will come no nearer: callers send it on as the plan says.
+
+    Args:
+        mapper: of this moment.
+        pose: of the robot.
+        way: from the robot to the place that the plan was made for, that included; empty when the robot is there.
+        plan: with a waypoint.
     """
-    waypoint = plan.waypoint
-    if waypoint is None or place is pose or place.position == waypoint or mapper.segment_free(pose.position, waypoint):
+    if plan.waypoint is None or not way:
         return plan
-    return replace(plan, waypoint=place.position, path=[waypoint, *plan.path])
+    first = plan.via[0] if plan.via else plan.waypoint
+    if way[-1] == first or mapper.segment_free(pose.position, first):
+        return plan
+    return replace(plan, via=[*way, *plan.via])
 
 
-def drivable(
-    mapper: Mapper, places: Sequence[Position], may_enter: Callable[[Position, Position], bool]
-) -> tuple[Position, ...]:
-    """Return the first of the places, and those after it as far as legs are known to be free and allowed."""
-    kept = [places[0]]
-    for place in places[1:]:
-        if not mapper.segment_free(kept[-1], place) or not may_enter(kept[-1], place):
+def drivable(mapper: Mapper, plan: Plan, may_enter: Callable[[Position, Position], bool]) -> tuple[Position, ...]:
+    """Return the corners of the way to a plan's waypoint, then what lies beyond as far as it is free and allowed.
+
+    Edges of the graph that are not straight are driven by their corners.
+    """
+    assert plan.waypoint is not None
+    kept = [*plan.via, plan.waypoint]
+    for place in plan.path:
+        legs = _legs(mapper, kept[-1], place)
+        if not legs or not all(may_enter(a, b) for a, b in zip([kept[-1], *legs], legs, strict=False)):
             break
-        kept.append(place)
+        kept += legs
     return tuple(kept)
 
 
-def free_in(mapper: Mapper) -> Callable[[Position], bool]:
-    """Return the question whether a position, metres, is known to be free."""
+def _legs(mapper: Mapper, start: Position, end: Position) -> list[Position]:
+    """Return how to drive from one place to another: straight, or along the edge between the two; empty for no way."""
+    if mapper.segment_free(start, end):
+        return [end]
+    nodes = []
+    for place in (start, end):
+        gaps = np.hypot(*(mapper.viewpoints - np.array(place)).T)
+        node = int(gaps.argmin())
+        if gaps[node] > 1e-6:
+            return []
+        nodes.append(node)
+    a, b = nodes
+    return mapper.way(a, b) if b in mapper.adjacency.of(a) else []
+
+
+def free_in(mapper: Mapper, *, with_room: bool) -> Callable[[Position], bool]:
+    """Return the question whether a position, metres, is known to be free, and has room for the robot where asked."""
+    if with_room:
+        return mapper.has_room
     return lambda position: mapper.belief.at(position) == FREE

@@ -8,6 +8,7 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Position
 from deploy.bridge.mission import Orders
+from deploy.bridge.unseen import Unseen
 from deploy.safety.health import Fault
 
 
@@ -18,15 +19,19 @@ class Course:
     Attributes:
         waypoint: the planner's choice.
         beacon: the area that it leads to, where the planner has such a notion.
+        via: corners of the way to the waypoint.
         path: everything planned beyond the waypoint, for display.
-        route: what may be driven: the waypoint and the free beginning of the path.
+        route: what may be driven, corner by corner: the way to the waypoint and the free beginning of the path.
+        with_room: the robot fits at the waypoint by the map; it may be sent to places beside walls as well.
         reason: why this one, where the planner says so.
     """
 
     waypoint: Position
     beacon: Position | None
+    via: tuple[Position, ...]
     path: tuple[Position, ...]
     route: tuple[Position, ...]
+    with_room: bool
     reason: str = ""
 
     @property
@@ -43,6 +48,7 @@ class Outcome:
         orders: what the robot is told to do.
         hold: why it stands although it was told to move; empty while it goes, and without such orders.
         course: where it goes; None while it stands.
+        aim: the corner of the course's way that a robot driven by a stack of its own is sent to; None while it stands.
         planner: name of the planner in charge.
         relieved: why the fallback is in charge; empty while it is not.
         decided: a planner decided in this pass.
@@ -52,11 +58,13 @@ class Outcome:
         pose: of the robot, None while there is none.
         checks: checks in a row that found nothing left to do.
         bans: places that are left alone.
+        unseen: what the exploration left at its end; None before, and where it left nothing.
     """
 
     orders: Orders
     hold: str
     course: Course | None
+    aim: Position | None
     planner: str
     relieved: str
     decided: bool
@@ -66,3 +74,4 @@ class Outcome:
     pose: Pose | None
     checks: int
     bans: tuple[Position, ...]
+    unseen: Unseen | None

@@ -25,6 +25,7 @@ class Outputs:
         self._frame = config.frames.map
         self._publishers: dict[str, Publisher] = {}
         self._sent_pose: Position | None = None
+        self._sent_aim: Position | None = None
         self._was_going = False
         self._next_waypoint = float("-inf")
         for name, kind, qos in (
@@ -60,16 +61,20 @@ class Outputs:
         course, pose = outcome.course, outcome.pose
         if course is None:
             if self._was_going and pose is not None:
-                self._send_waypoint(pose.position, pose, stamp)
+                self._send("waypoint", point_stamped(stamp, self._frame, pose.position))
+                self._send_pose(pose.position, pose, stamp)
                 self._send("path", path(stamp, self._frame, []))
             self._was_going = False
             return
         self._was_going = True
-        if not outcome.decided and now < self._next_waypoint:
+        aim = outcome.aim or course.waypoint
+        if not outcome.decided and aim == self._sent_aim and now < self._next_waypoint:
             return
-        self._next_waypoint = now + 1.0 / self._config.decision.rate
-        self._send_waypoint(course.waypoint, pose, stamp)
-        self._send("path", path(stamp, self._frame, [course.waypoint, *course.path]))
+        self._next_waypoint, self._sent_aim = now + 1.0 / self._config.decision.rate, aim
+        self._send("waypoint", point_stamped(stamp, self._frame, aim))
+        # A navigation stack plans its own way: it is told where that ends, and not every corner.
+        self._send_pose(course.waypoint, pose, stamp)
+        self._send("path", path(stamp, self._frame, [*course.via, course.waypoint, *course.path]))
         if course.beacon is not None:
             self._send("beacon", point_stamped(stamp, self._frame, course.beacon))
         self._number("speed", self._config.driving.max_speed)
@@ -97,8 +102,7 @@ class Outputs:
         """Publish what `drawing.draw` made."""
         self._send("markers", drawn)
 
-    def _send_waypoint(self, position: Position, pose: Pose | None, stamp: float) -> None:
-        self._send("waypoint", point_stamped(stamp, self._frame, position))
+    def _send_pose(self, position: Position, pose: Pose | None, stamp: float) -> None:
         # A navigation stack begins anew with every goal pose, so it hears of changes alone.
         if position != self._sent_pose:
             self._sent_pose = position

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import hypot
+from math import hypot, inf
 from typing import Final
 
 import numpy as np
@@ -12,9 +12,9 @@ import numpy as np
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status
-from deploy.bridge.cell_route import to_frontier, to_target
 from deploy.bridge.detour import detour, useful_nodes
 from deploy.bridge.outcome import Course
+from deploy.bridge.unseen import go_to_unseen
 from deploy.config import DeployConfig
 from deploy.safety.blacklist import Ban, Blacklist
 from deploy.safety.geofence import Geofence
@@ -23,6 +23,12 @@ from deploy.safety.progress import ProgressMonitor
 
 # A place banned so often is out of reach for good.
 _HOPELESS: Final = 2
+# Places nearer to each other than this count as one where they are banned, metres: robots come to a place so exactly.
+_SAME_PLACE: Final = 0.5
+# A frontier that is left when the robot has come so near, metres, shows no more.
+_LOOKED_AT: Final = 1.0
+# The edge of a frontier near a viewpoint, in spacings.
+_NEAR: Final = 0.75
 
 
 class Oversight:
@@ -35,21 +41,25 @@ class Oversight:
     def __init__(self, config: DeployConfig) -> None:
         self.target: Position | None = None
         self._fence = Geofence(config.safety.geofence)
-        self._blacklist = Blacklist(config.safety, config.mapping.viewpoint_spacing / 2.0)
+        self._blacklist = Blacklist(config.safety, min(_SAME_PLACE, config.mapping.viewpoint_spacing / 2.0))
         self._progress = ProgressMonitor(config.safety)
         self._progress_time = config.safety.progress_time
         self._loops = LoopDetector()
         self._spacing = config.mapping.viewpoint_spacing
-        # Frontiers that were gone to over cells, and those of them that a look from near by did not resolve.
-        self._aimed: set[Position] = set()
-        self._tried: set[tuple[int, int]] = set()
+        self._radius = config.mapping.robot_radius
+        # The edge of a frontier that the robot is on its way to, those where it was, and viewpoints where it was with
+        # something left to see.
+        self._edge: Position | None = None
+        self._looked_from: list[Position] = []
+        self._decided_at: list[Position] = []
 
     def begin(self, target: Position | None, now: float) -> None:
         """Begin an episode: forget everything."""
         self.target = target
         self._blacklist.clear()
-        self._aimed.clear()
-        self._tried.clear()
+        self._edge = None
+        self._looked_from.clear()
+        self._decided_at.clear()
         self._loops.reset()
         self._progress.reset(now)
 
@@ -67,21 +77,25 @@ class Oversight:
 
     def allows(self, plan: Plan, place: Pose, now: float) -> bool:
         """Whether a plan leads nowhere that is banned or fenced off."""
-        beacon = plan.beacon
+        beacon, waypoint = plan.beacon, plan.waypoint
         if beacon is not None and not self._fence.contains(beacon):
             return False
         if beacon is not None and beacon != self.target and self._blacklist.banned(beacon, now) is not None:
             return False
-        return plan.waypoint is None or self.may_enter(place.position, plan.waypoint, now)
+        if waypoint is None:
+            return True
+        # Corners are no places to be banned: only where the robot is sent is.
+        way = [place.position, *plan.via, waypoint]
+        return self._blacklist.banned(waypoint, now) is None and all(map(self._fence.allows, way[:-1], way[1:]))
 
     def around(self, mapper: Mapper, place: Pose, now: float) -> Plan:
         """Look for a way around what is banned and fenced off; wait for bans that are still young."""
-        plan = detour(mapper, place, self.target, lambda position: self.may_enter(position, position, now))
+        plan = detour(mapper, place, self.target, self._spacing, lambda start, end: self.may_enter(start, end, now))
         if plan.status is not Status.UNREACHABLE:
             return plan
-        bans = self._blacklist.active(now)
-        if any(ban.failures < _HOPELESS for ban in bans):
-            return self._wait_for(bans, now)
+        waits = self._wait_for_bans(now)
+        if waits is not None:
+            return waits
         left = [mapper.position(int(node)) for node in useful_nodes(mapper, self.target)]
         if any(map(self._fence.contains, left)):
             why = "could not be reached"
@@ -89,45 +103,73 @@ class Oversight:
             why = "lies outside the geofence, or was looked at in vain"
         return Plan(Status.UNREACHABLE, reason=f"everything that is left {why}")
 
-    def over_cells(self, mapper: Mapper, place: Pose, plan: Plan, now: float) -> Plan:
-        """Look for a way over the cells of the map where the graph offers none; else return the plan as it is.
+    def second_look(self, mapper: Mapper, place: Pose, plan: Plan, now: float) -> Plan:
+        """Look for what a planner overlooks that says that nothing is left; else return its plan as it is.
 
-        A way that only young bans close is waited for.
+        In an exploration that is a viewpoint with something to see where the robot was not, then a frontier that no
+        viewpoint resolves; for a target, a way that only bans close.
         """
-        if self.target is not None and plan.status is Status.COMPLETE:
+        if mapper.stuck:
             return plan
-        self._tried |= {self._key(where) for where in self._aimed if place.distance_to(where) <= self._spacing}
+        if self.target is not None:
+            return plan if plan.status is Status.COMPLETE else self._wait_for_bans(now) or plan
+        if len(useful_nodes(mapper, None)):
+            found = self.around(mapper, place, now)
+            if found.status is not Status.UNREACHABLE:
+                return found
+        return self._to_edge(mapper, place, now, inf) or plan
+
+    def look_around(self, mapper: Mapper, place: Pose, now: float) -> Plan | None:
+        """On a second visit to a viewpoint, go to the edge of a frontier near by that it sees and does not resolve.
+
+        Planners know one place for a piece of space. Without this one that is drawn to such a frontier comes again and
+        again, or gives it up.
+
+        Args:
+            mapper: updated at the place.
+            place: of the robot, on its waypoint.
+            now: seconds.
+        """
+        if self.target is not None or mapper.stuck:
+            return None
+        viewpoint = mapper.position(mapper.robot)
+        if place.distance_to(viewpoint) > _LOOKED_AT or mapper.observe().utility[mapper.robot] == 0:
+            return None
+        if all(gap(viewpoint, other) > _LOOKED_AT for other in self._decided_at):
+            self._decided_at.append(viewpoint)
+            return None
+        return self._to_edge(mapper, place, now, _NEAR * self._spacing)
+
+    def _to_edge(self, mapper: Mapper, place: Pose, now: float, farthest: float) -> Plan | None:
+        """Go to the edge of the nearest unseen frontier, at most so many metres away; None where there is none."""
+        if self._edge is not None and place.distance_to(self._edge) <= _LOOKED_AT:
+            self._looked_from.append(self._edge)
+        self._edge = None
         bans = self._blacklist.active(now)
-        found = self._over_cells(mapper, place, bans)
-        if found.status is Status.GOING and self.allows(found, place, now):
-            if found.beacon is not None:
-                self._aimed.add(found.beacon)
-            return found
-        lasting = [ban for ban in bans if ban.failures >= _HOPELESS]
-        if len(lasting) < len(bans) and self._over_cells(mapper, place, lasting).status is Status.GOING:
-            return self._wait_for(bans, now)
+        plan = go_to_unseen(mapper, place, self._radius, lambda where: self._skips(where, bans))
+        if plan is None or plan.waypoint is None or not self.allows(plan, place, now):
+            return None
+        if _length([place.position, *plan.via, plan.waypoint]) > farthest:
+            return None
+        self._edge = plan.waypoint
         return plan
 
-    def _over_cells(self, mapper: Mapper, place: Pose, bans: Sequence[Ban]) -> Plan:
-        closed = [(ban.position, self._blacklist.radius) for ban in bans]
-        if self.target is not None:
-            return to_target(mapper, place, self.target, self._spacing, closed)
-        return to_frontier(mapper, place, self._spacing, lambda where: self._skips(where, bans), closed)
-
     def _skips(self, frontier: Position, bans: Sequence[Ban]) -> bool:
+        """Whether a frontier is not worth going to."""
         return (
-            self._key(frontier) in self._tried
-            or not self._fence.contains(frontier)
-            or any(gap(frontier, ban.position) <= self._blacklist.radius for ban in bans)
+            not self._fence.contains(frontier)
+            or any(gap(frontier, place) <= _LOOKED_AT + self._radius for place in self._looked_from)
+            or any(gap(frontier, ban.position) <= self._blacklist.radius + self._radius for ban in bans)
         )
 
-    def _wait_for(self, bans: Sequence[Ban], now: float) -> Plan:
-        first = min((ban for ban in bans if ban.failures < _HOPELESS), key=lambda ban: ban.until)
+    def _wait_for_bans(self, now: float) -> Plan | None:
+        """Wait for bans that are still young; None without any."""
+        young = [ban for ban in self._blacklist.active(now) if ban.failures < _HOPELESS]
+        if not young:
+            return None
+        first = min(young, key=lambda ban: ban.until)
         wait = first.until - now
         return Plan(Status.STUCK, reason=f"every way is blocked ({first.reason}); tries again in {wait:.0f} s")
-
-    def _key(self, position: Position) -> tuple[int, int]:
-        return round(position[0] / self._spacing), round(position[1] / self._spacing)
 
     def watch(self, mapper: Mapper, pose: Pose, course: Course, reached: Position | None, now: float) -> str:
         """Take in where the robot is going, and say why it gets nowhere; empty while it does get somewhere.
@@ -142,7 +184,7 @@ class Oversight:
         area = mapper.explored_area
         # Places that the robot came to, not those that it was sent to: a choice may change on the way and harm nobody.
         loop = self._loops.decide(reached, area) if reached is not None else None
-        if course.path and course.path[-1] == course.goal:
+        if course.path and course.path[-1] == course.goal and not course.via:
             way: float | None = _length([pose.position, course.waypoint, *course.path])
         else:
             way = None if mapper.stuck else way_to(mapper, pose, course.goal)

@@ -78,6 +78,7 @@ class Reporter:
             decision_p95=self._metrics.decision_p95,
             viewpoints=viewpoints,
             frontiers=frontiers,
+            unseen=outcome.unseen,
             beacons=beacons,
             ages=self._inputs.ages(),
             scans=statistics.integrated,

@@ -7,6 +7,7 @@ from typing import Any
 
 from common.planners.base import Position
 from deploy.bridge.outcome import Outcome
+from deploy.bridge.unseen import Unseen
 from deploy.safety.gate_state import GateMode, GateState
 
 VERSION = 1
@@ -69,6 +70,7 @@ class Status:
         decision_p95: 95 % of the last 200 decisions took no longer.
         viewpoints: reachable viewpoints.
         frontiers: frontier cells.
+        unseen: what an exploration that has ended left at the edge of what the robot can reach; None for nothing.
         beacons: beacons.
         ages: since the last message of each input.
         scans: that went into the map.
@@ -103,6 +105,7 @@ class Status:
     decision_p95: float
     viewpoints: int
     frontiers: int
+    unseen: Unseen | None
     beacons: int
     ages: dict[str, float]
     scans: int

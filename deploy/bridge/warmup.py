@@ -13,6 +13,8 @@ from common.mapping.mapper import Mapper
 from common.mapping.raycast import cast_rays, ray_angles
 from common.mapping.warmup import warm_up as warm_up_mapping
 from common.planners.base import Planner, TaskName
+from deploy.bridge.unseen import find_unseen, go_to_unseen
+from deploy.bridge.way_out import way_out
 from deploy.config import DeployConfig
 from deploy.driving import LocalPlanner
 from deploy.mapping.robot_map import RobotMap
@@ -24,7 +26,7 @@ _BEAMS = 180
 
 
 def warm_up(config: DeployConfig, planners: list[tuple[Planner, TaskName]]) -> None:
-    """Let map, planners and local planner work once in a small world of their own.
+    """Let map, planners, what helps them, and the local planner work once in a small world of their own.
 
     Args:
         config: whole tree.
@@ -56,6 +58,14 @@ def warm_up(config: DeployConfig, planners: list[tuple[Planner, TaskName]]) -> N
         if mapper is not None:
             for planner, _ in planners:
                 _try(planner, mapper, pose)
+            if not mapper.stuck:
+                find_unseen(mapper, config.mapping.robot_radius)
+                go_to_unseen(mapper, pose, config.mapping.robot_radius, lambda _: False)
+            # Beside the wall the way out is looked for.
+            beside = Pose(x, 0.5)
+            mapper.update(beside)
+            mapper.segment_free(beside.position, pose.position)
+            way_out(mapper, beside, 1.0)
         if config.driving.enabled:
             local = LocalPlanner(config.driving)
             local.command(pose, (0.0, 0.0), [(x + 1.0, y)], robot_map.obstacles_near(pose, 4.0), 0.05)

@@ -1,8 +1,6 @@
-"""Writing the robot's grid into the common belief: room for the body, no pockets, only where something changed."""
+"""Writing the robot's grid into the common belief: as it was seen but for rims and pockets, where something changed."""
 
 from __future__ import annotations
-
-from math import floor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +10,17 @@ from common.mapping.mapper import Mapper
 from common.mapping.sight import OCCUPIED, Box
 from deploy.config import DeployConfig
 from deploy.mapping.cells import CellGrid
-from deploy.mapping.inflation import WAY_OUT, footprint, inflate, inflation_offsets
+from deploy.mapping.footprint import clear_footprint, footprint_box
 from deploy.mapping.pockets import Pockets
+from deploy.mapping.rims import close_rims, rim_offsets
 
 
 class BeliefWriter:
-    """Keeps the belief of one Mapper equal to a grid in which walls are inflated and pockets closed.
+    """Keeps the belief of one Mapper equal to a grid, but for the robot's own place, which is free.
 
-    On the way to a target no pocket is closed: the target may lie in one.
+    In an exploration what is not worth a look, rims and pockets, is closed: shown as occupied. On the way to a target
+    nothing is, because the target may lie there. How much room the robot needs is the Mapper's business
+    (``mapping.robot_radius``).
 
     Attributes:
         mapper: whose belief it writes; its cells are those of the grid.
@@ -27,7 +28,7 @@ class BeliefWriter:
 
     def __init__(self, config: DeployConfig, cells: CellGrid, target: tuple[float, float] | None) -> None:
         """Make a Mapper for a grid; ``target`` is the navigation target, metres."""
-        driving, size = config.driving, cells.resolution
+        size = cells.resolution
         x, y = cells.anchor
         # Viewpoints in the middle of cells: edges along the grid touch one row of cells, not two.
         self.mapper = Mapper(
@@ -37,9 +38,9 @@ class BeliefWriter:
             target=target,
         )
         self._cells = cells
-        self._radius = driving.robot_radius / size
-        self._offsets = inflation_offsets(size, driving.robot_radius, driving.clearance)
-        self._reach = int(np.abs(self._offsets).max(initial=0))
+        self._radius = config.driving.robot_radius / size
+        self._rims = rim_offsets(size, config.mapping.robot_radius)
+        self._reach = int(np.abs(self._rims).max(initial=0))
         self._robot_box: Box | None = None
         self._pockets = Pockets(config.sensing.pocket, size)
         self._closing = True
@@ -67,20 +68,18 @@ class BeliefWriter:
         row = (pose.y - cells.anchor[1]) / cells.resolution - cells.first[0]
         column = (pose.x - cells.anchor[0]) / cells.resolution - cells.first[1]
         self._robot_box = None
-        place: NDArray[np.int8] | None = None
         if 0.0 <= row < rows and 0.0 <= column < columns:
-            here = (floor(row), floor(row), floor(column), floor(column))
-            self._robot_box = _clipped(here, int(WAY_OUT / cells.resolution) + 1, rows, columns)
+            self._robot_box = footprint_box((row, column), self._radius, (rows, columns))
             regions.append(self._robot_box)
-            place = self._inflated(self._robot_box)
-            footprint(cells.states, place, self._robot_box, (row, column), self._radius)
         for region in regions:
-            out = self._inflated(region)
-            if place is not None and self._robot_box is not None:
-                _paste(out, region, place, self._robot_box)
+            top, bottom, left, right = region
+            part = cells.states[top : bottom + 1, left : right + 1].copy()
+            if self._robot_box is not None:
+                clear_footprint(part, region, (row, column), self._radius)
             if closing:
-                self._pockets.close(out, (cells.first[0] + region[0], cells.first[1] + region[2]))
-            self._assign(region, out)
+                close_rims(cells.states, self._rims, self._reach, region, part)
+                self._pockets.close(part, (cells.first[0] + top, cells.first[1] + left))
+            self._assign(region, part)
         if closing:
             self._close_new(regions)
 
@@ -101,11 +100,6 @@ class BeliefWriter:
             part = belief.cells[top : bottom + 1, left : right + 1].copy()
             part[found[:, 0] - top, found[:, 1] - left] = OCCUPIED
             self._assign((top, bottom, left, right), part)
-
-    def _inflated(self, box: Box) -> NDArray[np.int8]:
-        out = np.empty((box[1] - box[0] + 1, box[3] - box[2] + 1), dtype=np.int8)
-        inflate(self._cells.states, self._offsets, self._reach, box, out)
-        return out
 
     def _assign(self, box: Box, new: NDArray[np.int8]) -> None:
         """Assign the cells of a box to the belief, the differences alone."""
@@ -130,13 +124,3 @@ def _clipped(box: Box, margin: int, rows: int, columns: int) -> Box:
         max(box[2] - margin, 0),
         min(box[3] + margin, columns - 1),
     )
-
-
-def _paste(out: NDArray[np.int8], box: Box, part: NDArray[np.int8], part_box: Box) -> None:
-    """Copy a part into the cells of a box, where they overlap."""
-    top, bottom = max(box[0], part_box[0]), min(box[1], part_box[1])
-    left, right = max(box[2], part_box[2]), min(box[3], part_box[3])
-    if top <= bottom and left <= right:
-        out[top - box[0] : bottom - box[0] + 1, left - box[2] : right - box[2] + 1] = part[
-            top - part_box[0] : bottom - part_box[0] + 1, left - part_box[2] : right - part_box[2] + 1
-        ]

@@ -37,8 +37,23 @@ def test_every_profile_is_valid_and_reads_back(name, tmp_path):
 
 
 def test_setting_one_parameter_of_the_map_leaves_the_others():
-    config = load_deploy_config(overrides=["mapping.sensor_range=6"])  # the profile `bare`
-    assert (config.mapping.resolution, config.mapping.viewpoint_spacing) == (0.1, 1.0)
+    config = load_deploy_config(overrides=["mapping.beacon_range=6"])  # the profile `bare`
+    assert (config.mapping.resolution, config.mapping.viewpoint_spacing) == (0.1, 4.0)
+
+
+def test_the_graph_follows_from_sensor_and_body_unless_it_is_said():
+    config = load_deploy_config(overrides=["mapping.sensor_range=10", "driving.robot_radius=0.4"])
+    assert config.mapping.viewpoint_spacing == pytest.approx(2.0)
+    assert config.mapping.robot_radius == pytest.approx(0.45)
+    config = load_deploy_config(overrides=["mapping.viewpoint_spacing=1.5", "mapping.robot_radius=0.6"])
+    assert (config.mapping.viewpoint_spacing, config.mapping.robot_radius) == (1.5, 0.6)
+
+
+def test_a_graph_that_leads_where_the_robot_does_not_fit_is_refused():
+    with pytest.raises(ConfigError, match=r"mapping.robot_radius \(0.1 m\) must not be below driving.robot_radius"):
+        load_deploy_config(overrides=["mapping.robot_radius=0.1"])
+    # A stack of its own drives: what room it needs is its own business.
+    assert load_deploy_config(overrides=["mapping.robot_radius=0.1"], profile="nav2").mapping.robot_radius == 0.1
 
 
 def test_later_sources_win_over_earlier_ones(tmp_path):
@@ -102,8 +117,9 @@ def test_a_wrong_parameter_is_explained(overrides, profile, words):
         assert word in str(caught.value)
 
 
-def test_defaults_are_the_papers_robot():
-    assert (DeployConfig().mapping.resolution, DeployConfig().mapping.viewpoint_spacing) == (0.2, 1.0)
+def test_viewpoints_are_as_far_apart_as_those_of_the_shipped_policies_by_default():
+    mapping = DeployConfig().mapping
+    assert (mapping.resolution, mapping.viewpoint_spacing, mapping.robot_radius) == (0.2, 4.0, pytest.approx(0.3))
 
 
 @pytest.mark.parametrize("name", DEPLOY.preset_names())

@@ -41,9 +41,16 @@ def large(
         typer.Option("--world", metavar="SOURCE", help="generator:NAME[?key=value&...], a folder or a file of maps."),
     ] = "generator:building",
     targets: Annotated[int, typer.Option("--targets", min=1, max=50, help="Targets of a tour.")] = 5,
-    inflate: Annotated[
-        float, typer.Option("--inflate", min=0.0, max=2.0, metavar="METRES", help="Thicken obstacles for the planners.")
-    ] = 0.0,
+    robot_radius: Annotated[
+        float | None,
+        typer.Option(
+            "--robot-radius",
+            min=0.0,
+            max=2.0,
+            metavar="METRES",
+            help="Room that planners leave the robot's centre. [default: mapping.robot_radius]",
+        ),
+    ] = None,
     policy: Annotated[
         Path | None, typer.Option("--policy", metavar="FILE", help="Policy (.safetensors) of the planner `hdplanner`.")
     ] = None,
@@ -76,6 +83,7 @@ def large(
     setup_logging("warning", console=console if console.is_terminal else None)
     own = [f"simulator.{name}={value}" for name, value in LIDAR.items()]
     own += [f"task.max_steps={MAX_STEPS}", *(overrides or []), f"task.name={task.value}"]
+    own += [] if robot_radius is None else [f"mapping.robot_radius={robot_radius}"]
     suited = suited_config([world], config, own, os.environ)
     run = suited.run
     settings = LargeSettings(
@@ -89,7 +97,6 @@ def large(
         time_limit=time_limit,
         policy=None if policy is None else str(policy.expanduser().resolve()),
         targets=targets,
-        inflation=inflate,
     )
     names = planner_list(planner)
     with LargeEvaluation(settings, names, out, overwrite=overwrite) as evaluation:

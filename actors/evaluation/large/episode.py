@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from functools import partial
 from typing import Any, TypedDict
 
 from actors.environment import ON_VIEWPOINT, Environment
@@ -18,7 +17,6 @@ from actors.maps.grid_map import GridMap
 from actors.tasks import make_task
 from common.config.schema import RewardConfig
 from common.geometry import Pose
-from common.mapping.inflated import InflatedMapper
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Planner, Position, TaskName, mapping_for
 
@@ -110,9 +108,6 @@ class EpisodeRunner:
         """Set up; the caller closes the simulator."""
         self._settings = settings
         self._simulator = simulator
-        self._make_mapper: Callable[..., Mapper] = (
-            partial(InflatedMapper, inflation=settings.inflation) if settings.inflation > 0.0 else Mapper
-        )
 
     def run(
         self,
@@ -201,7 +196,6 @@ class EpisodeRunner:
             make_task(settings.task),
             RewardConfig(),
             settings.task.max_steps if steps is None else steps,
-            mapper=self._make_mapper,
         )
         if isinstance(planner, OmniscientReference):
             planner.prepare(world, seed)

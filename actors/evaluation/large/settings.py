@@ -29,14 +29,12 @@ class LargeSettings(EvaluationSettings):
 
     Attributes:
         targets: of a tour, for navigation.
-        inflation: metres by which obstacles are made thicker in what planners see; 0 for none.
     """
 
     maps: tuple[str, ...] = (WORLD,)
     task: TaskConfig = TaskConfig(max_steps=MAX_STEPS)
     simulator: SimulatorConfig = SimulatorConfig(**LIDAR)
     targets: Annotated[int, Field(ge=1, le=50)] = 5
-    inflation: Annotated[float, Field(ge=0.0, le=2.0)] = 0.0
 
     @model_validator(mode="after")
     def _physics(self) -> LargeSettings:

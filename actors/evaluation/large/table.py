@@ -72,12 +72,12 @@ def notes(found: Sequence[LargeResults], baseline: str | None) -> list[str]:
         f"Mean ± standard deviation over the worlds of {settings.maps[0]} (their variety, no uncertainty); failures "
         "count with what they had come to.",
         f"Robot at {lidar.speed:g} m/s, lidar of {lidar.lidar_layers} x {lidar.rays} rays at {lidar.lidar_rate:g} Hz "
-        f"and {settings.mapping.sensor_range:g} m; obstacles thickened by {settings.inflation:g} m for the planners.",
+        f"and {settings.mapping.sensor_range:g} m; planners leave its centre {settings.mapping.robot_radius:g} m.",
         "Time: simulated driving, computing excluded. Decision: processor time with mapping, median over the worlds of "
         "their medians and of their 95th percentiles.",
     ]
-    if any(settings_of(results).inflation != settings.inflation for results in found):
-        raise ResultsError("results with and without thickened obstacles do not go into one table: make one of each")
+    if any(settings_of(results).mapping.robot_radius != settings.mapping.robot_radius for results in found):
+        raise ResultsError("results of several mapping.robot_radius do not go into one table: make one of each")
     for results in found:
         failed = [(episode.map, episode.reason) for episode in results.episodes if not episode.success]
         if failed:

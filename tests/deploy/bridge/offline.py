@@ -16,7 +16,7 @@ from deploy.mapping.robot_map import MapStatistics
 from deploy.profiles import DEPLOY
 from deploy.safety.health import HealthMonitor
 
-MAPPING = {"resolution": 0.5, "sensor_range": 10.0, "viewpoint_spacing": 4.0, "beacon_range": 10.0}
+MAPPING = {"resolution": 0.5, "sensor_range": 10.0, "viewpoint_spacing": 4.0, "beacon_range": 10.0, "robot_radius": 0.0}
 TICK = 0.1
 
 
@@ -85,8 +85,8 @@ class Trial:
         self.health.heard_pose(self.now, self.now, self.pose)
         outcome = self.loop.step()
         self.outcomes.append(outcome)
-        if outcome.course is not None and not self.frozen:
-            self._drive(outcome.course.waypoint, 2.0 * TICK)
+        if outcome.aim is not None and not self.frozen:
+            self._drive(outcome.aim, 2.0 * TICK)
         return outcome
 
     def run(self, seconds, until=lambda outcome: False):

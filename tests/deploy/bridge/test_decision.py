@@ -43,7 +43,8 @@ def test_a_world_is_explored_to_the_end_and_the_end_says_why(planner):
     trial = started(ROOMS, decision={"planner": planner})
     last = trial.run(300, ended)
     assert last.orders.phase is Phase.FINISHED
-    assert "frontier" in last.orders.reason
+    assert last.orders.reason.startswith("complete: no frontier is left")
+    assert last.unseen is None
     assert 50.0 < trial.distance < 200.0
     # Every waypoint was known free, and each but the last of the checks held the robot.
     assert [o.hold[:7] for o in trial.outcomes if o.hold].count("check 1") >= 1
@@ -72,7 +73,7 @@ def test_one_empty_graph_is_not_the_end():
     trial = started(ROOM)
     first = trial.tick()
     assert first.orders.phase is Phase.RUNNING
-    assert first.hold.startswith("check 1 of 5: no frontier is left")
+    assert first.hold.startswith("check 1 of 5: complete: no frontier is left")
     # The same map again is no further check.
     trial.sensing = False
     for _ in range(5):
@@ -111,13 +112,22 @@ def test_without_a_map_the_robot_waits_and_says_so():
     assert trial.run(5, ended).orders.phase is Phase.FINISHED
 
 
-def test_a_lattice_too_wide_for_the_map_is_named():
-    config = settings(mapping={**MAPPING, "viewpoint_spacing": 40.0})
-    trial = Trial(ROOMS, config)
-    trial.mission.start()
-    last = trial.run(10)
+def test_a_robot_too_large_for_its_place_waits_and_says_what_to_do():
+    trial = started(ROOMS, mapping={**MAPPING, "robot_radius": 8.0})
+    last = trial.run(3)
     assert last.orders.moving
-    assert "lower mapping.viewpoint_spacing" in last.hold
+    assert "a robot that needs 8 m of room fits nowhere near" in last.hold
+    assert "lower mapping.robot_radius" in last.hold
+
+
+def test_viewpoints_far_apart_leave_nothing_unseen():
+    """Four squares of 24 m: what their few viewpoints do not resolve is looked at from the edge of the unknown."""
+    trial = started(ROOMS, mapping={**MAPPING, "viewpoint_spacing": 24.0}, decision={"planner": "greedy"})
+    last = trial.run(300, ended)
+    assert last.orders.phase is Phase.FINISHED
+    assert last.orders.reason.startswith("complete")
+    assert last.unseen is None
+    assert last.mapper.explored_area > 0.999 * np.count_nonzero(ROOMS.free) * ROOMS.resolution**2
 
 
 def test_stale_scans_hold_the_robot_and_fresh_ones_let_it_go():
@@ -214,7 +224,12 @@ def test_the_geofence_is_never_left_and_ends_the_exploration():
     trial = started(ARMS, safety={"geofence": fence})
     last = trial.run(200, ended)
     assert last.orders.phase is Phase.FINISHED
+    assert last.orders.reason.startswith("not complete: ")
     assert "outside the geofence" in last.orders.reason
+    # Where it is not complete is said: the corridor goes on behind the fence.
+    assert last.unseen is not None
+    assert last.unseen.length >= 2.0
+    assert last.unseen.position[0] > 28.0
     assert all(o.course.waypoint[0] <= 30.0 for o in trial.outcomes if o.course)
     assert max(o.pose.x for o in trial.outcomes) <= 30.0
 

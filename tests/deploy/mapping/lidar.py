@@ -23,11 +23,9 @@ def room(rows: int = 40, columns: int = 60) -> np.ndarray:
 
 
 def configure(**sections: dict[str, object]) -> DeployConfig:
-    """A bridge's configuration for `room`, without room around walls unless it is asked for."""
+    """A bridge's configuration for `room`, of a robot without size unless it is asked for."""
     values: dict[str, dict[str, object]] = {
-        "mapping": {"resolution": RESOLUTION, "viewpoint_spacing": 1.0, "sensor_range": 12.0},
-        # A point: even a radius of 1 cm closes the cells beside walls.
-        "driving": {"robot_radius": 1e-10, "clearance": 0.0},
+        "mapping": {"resolution": RESOLUTION, "viewpoint_spacing": 1.0, "sensor_range": 12.0, "robot_radius": 0.0},
         "sensing": {},
     }
     for name, section in sections.items():

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,13 +12,12 @@ from hypothesis import strategies as st
 from common.errors import MappingError
 from common.geometry import Pose
 from common.mapping.sight import FREE, OCCUPIED, UNKNOWN
-from deploy.mapping.inflation import WAY_OUT, inflation_offsets
+from deploy.mapping.rims import close_rims, rim_offsets
 from deploy.mapping.robot_map import RobotMap
 from tests.common.mapping.worlds import random_world
 from tests.deploy.mapping.lidar import RESOLUTION, cloud_at, configure, room, scan_at
-from tests.deploy.mapping.test_inflation import inflated
 
-BODY = {"robot_radius": 0.25, "clearance": 0.05}
+ROOM_OF_BODY = {"resolution": 0.2, "robot_radius": 0.3}
 
 
 def see(robot_map: RobotMap, free: np.ndarray, pose: Pose, start: float, *, scans: int = 3, **world: object) -> float:
@@ -46,7 +46,7 @@ def test_there_is_no_mapper_before_pose_and_map():
 @pytest.mark.parametrize("origin", [(0.0, 0.0), (-107.3, -55.1), (3000.0, -4000.0)])
 def test_it_explores_from_anywhere_in_the_map_frame(origin):
     """Starts off the lattice, and at negative and large coordinates."""
-    robot_map = RobotMap(configure(driving=BODY, mapping={"resolution": 0.2}))
+    robot_map = RobotMap(configure(mapping=ROOM_OF_BODY))
     see(robot_map, room(), Pose(origin[0] + 4.13, origin[1] + 5.07, 0.3), 0.0, origin=origin)
     mapper = robot_map.refresh()
     assert not mapper.stuck
@@ -57,36 +57,38 @@ def test_it_explores_from_anywhere_in_the_map_frame(origin):
 
 @settings(max_examples=12)
 @given(st.integers(0, 10**6), st.sampled_from([0.1, 0.2, 0.25]))
-def test_viewpoints_and_edges_keep_the_robots_radius_from_obstacles(seed, resolution):
+def test_the_ways_of_the_graph_keep_the_robots_room_from_obstacles(seed, resolution):
     rng = np.random.default_rng(seed)
     free = random_world(rng, 40, 60)
     cells = np.argwhere(free)
-    robot_map = RobotMap(configure(driving=BODY, mapping={"resolution": resolution}))
+    robot_map = RobotMap(configure(mapping={"resolution": resolution, "robot_radius": 0.3}))
     now = 0.0
     for row, column in cells[rng.integers(len(cells), size=3)]:
         pose = Pose((column + 0.5) * RESOLUTION, (row + 0.5) * RESOLUTION)
         now = see(robot_map, free, pose, now)
         mapper = robot_map.refresh()
+    if mapper.stuck:
+        return
     states, _, origin = robot_map.occupancy()
     obstacles = (np.argwhere(states == OCCUPIED)[:, ::-1] + 0.5) * resolution + np.array(origin)
-    ends = mapper.viewpoints[mapper.edges]
-    shares = np.linspace(0.0, 1.0, 9)[None, :, None]
-    points = (ends[:, :1] + shares * (ends[:, 1:] - ends[:, :1])).reshape(-1, 2)
-    # Its own surroundings are free, so that it gets away from a wall.
-    points = points[np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y) > 2.0]
-    for point in points[rng.integers(max(len(points), 1), size=min(len(points), 400))]:
-        gaps = np.maximum(np.abs(obstacles - point) - resolution / 2, 0.0)
-        assert np.hypot(gaps[:, 0], gaps[:, 1]).min() >= 0.25 - 1e-6
+    edges = mapper.edges
+    for a, b in edges[rng.integers(max(len(edges), 1), size=min(len(edges), 60))].tolist():
+        for start, end in pairwise([mapper.position(a), *mapper.way(a, b)]):
+            points = np.array(start) + np.linspace(0.0, 1.0, 9)[:, None] * (np.array(end) - start)
+            # Where its body is, is free by definition.
+            points = points[np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y) > 1.0]
+            gaps = np.maximum(np.abs(obstacles[None] - points[:, None]) - resolution / 2, 0.0)
+            assert np.hypot(gaps[..., 0], gaps[..., 1]).min(initial=1.0) >= 0.3 - 1e-3
 
 
 @settings(max_examples=15)
-@given(st.integers(0, 10**6))
-def test_the_belief_is_always_the_inflated_map(seed):
-    """Updates only where something changed give what inflating everything gives, growth and moving things included."""
+@given(st.integers(0, 10**6), st.booleans())
+def test_the_belief_is_always_the_map_but_for_rims_and_where_the_robot_stands(seed, exploring):
+    """Updates only where something changed give what writing everything gives, growth and moving things included."""
     rng = np.random.default_rng(seed)
-    config = configure(driving=BODY, mapping={"resolution": 0.2}, sensing={"pocket": 0.0})
-    offsets = inflation_offsets(0.2, 0.25, 0.05)
-    robot_map = RobotMap(config)
+    config = configure(mapping={"resolution": 0.2, "robot_radius": 0.5}, sensing={"pocket": 0.0})
+    offsets = rim_offsets(0.2, 0.5)
+    robot_map = RobotMap(config, None if exploring else (5.0, 5.0))
     free = random_world(rng, 40, 60)
     now = 0.0
     for _ in range(6):
@@ -101,18 +103,20 @@ def test_the_belief_is_always_the_inflated_map(seed):
         states, resolution, origin = robot_map.occupancy()
         assert belief.shape == states.shape
         assert belief.origin == pytest.approx(origin)
-        expected = inflated(states, offsets)
+        expected = states.copy()
+        if exploring:
+            close_rims(states, offsets, 3, (0, states.shape[0] - 1, 0, states.shape[1] - 1), expected)
         rows, columns = np.nonzero(belief.cells != expected)
         x, y = origin[0] + (columns + 0.5) * resolution, origin[1] + (rows + 0.5) * resolution
-        away = np.maximum(np.abs(x - pose.x), np.abs(y - pose.y))
-        assert (away <= WAY_OUT + 2 * resolution).all(), "only the robot's own surroundings differ"
+        away = np.hypot(x - pose.x, y - pose.y)
+        assert (away <= config.driving.robot_radius + resolution).all(), "only the robot's own place differs"
         assert belief.known_cells == np.count_nonzero(belief.cells != UNKNOWN)
 
 
 @pytest.mark.parametrize("place", [(0.76, 5.0), (0.62, 0.62), (3.2, 3.3)])
 def test_a_robot_beside_a_wall_or_inside_an_obstacle_is_not_stuck(place):
     """The last place lies behind the face of a pillar, as when the localisation is off by a little."""
-    robot_map = RobotMap(configure(driving=BODY, mapping={"resolution": 0.2}))
+    robot_map = RobotMap(configure(mapping=ROOM_OF_BODY))
     now = see(robot_map, room(), Pose(4.0, 5.0), 0.0)
     now = see(robot_map, room(), Pose(2.0, 2.0), now)
     robot_map.refresh()
@@ -120,9 +124,10 @@ def test_a_robot_beside_a_wall_or_inside_an_obstacle_is_not_stuck(place):
     mapper = robot_map.refresh()
     assert mapper.belief.at(place) == FREE
     assert not mapper.stuck
+    assert mapper.has_room(mapper.way_home()[-1])
     robot_map.add_pose(now + 0.2, Pose(6.0, 5.0))
-    after = robot_map.refresh().belief.at((0.76, 5.0))
-    assert after == OCCUPIED, "room beside the wall is kept again once the robot has gone"
+    mapper = robot_map.refresh()
+    assert not mapper.has_room((0.62, 5.0)), "room beside the wall is kept, wherever the robot was"
 
 
 def test_the_target_can_change_without_losing_the_map():
@@ -260,7 +265,7 @@ def test_octomap_needs_clouds():
 
 def test_a_cloud_of_thirty_thousand_points_costs_little():
     """In processor time, so that a busy machine does not matter: intake and refresh below 20 ms per cloud."""
-    robot_map = RobotMap(configure(sensing={"source": "points"}, driving=BODY, mapping={"resolution": 0.2}))
+    robot_map = RobotMap(configure(sensing={"source": "points"}, mapping=ROOM_OF_BODY))
     costs = []
     for k in range(12):
         pose = Pose(4.0 + 0.1 * k, 5.0)

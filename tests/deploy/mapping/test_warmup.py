@@ -3,15 +3,14 @@
 import numpy as np
 
 from common.geometry import Pose
-from deploy.mapping import cloud, inflation, log_odds, slam_grid, volume
+from deploy.mapping import cloud, log_odds, rims, slam_grid, volume
 from deploy.mapping.robot_map import RobotMap
 from deploy.mapping.warmup import warm_up
 from tests.deploy.mapping.lidar import cloud_at, configure, room, scan_at
 
 KERNELS = (
     cloud._project,
-    inflation.inflate,
-    inflation._way_out,
+    rims.close_rims,
     log_odds._trace,
     log_odds._apply,
     slam_grid._resample,
@@ -24,7 +23,7 @@ def test_everything_is_compiled_before_the_first_message():
     before = [len(kernel.signatures) for kernel in KERNELS]
     assert min(before) == 1
     for source in ("scan", "points", "grid"):
-        robot_map = RobotMap(configure(sensing={"source": source}, driving={"robot_radius": 0.3}))
+        robot_map = RobotMap(configure(sensing={"source": source}, mapping={"robot_radius": 0.3}))
         for k in range(3):
             pose = Pose(1.0 + k, 0.6)
             robot_map.add_pose(float(k), pose)

@@ -29,7 +29,7 @@ def exploration(tmp_path_factory):
 def tour(tmp_path_factory):
     out = tmp_path_factory.mktemp("tour")
     where = ["--world", SMALL, "--seeds", 1, "--jobs", 1, "--targets", 2]
-    result = call("large", "--planner", "astar", "--task", "navigation", *where, "--out", out)
+    result = call("large", "--planner", "astar", "--task", "navigation", "--robot-radius", 0.25, *where, "--out", out)
     assert result.exit_code == 0, result.output
     return out
 
@@ -56,7 +56,7 @@ def test_a_tour_visits_all_targets(tour):
     assert sum(leg.distance_m for leg in episode.legs) == pytest.approx(episode.distance_m, abs=0.01)
     assert sum(leg.time_s for leg in episode.legs) == pytest.approx(episode.time_s, abs=0.01)
     assert sum(leg.steps for leg in episode.legs) == episode.steps
-    assert results.settings["inflation"] == 0.0
+    assert results.settings["mapping"]["robot_radius"] == 0.25
 
 
 def test_the_same_command_again_has_nothing_to_do(exploration):
@@ -64,9 +64,9 @@ def test_the_same_command_again_has_nothing_to_do(exploration):
     result = call("large", "--planner", "greedy", "--world", SMALL, "--seeds", 1, "--jobs", 1, "--out", exploration)
     assert result.exit_code == 0
     assert (exploration / "greedy.jsonl").read_bytes() == before
-    result = call("large", "--planner", "greedy", "--world", SMALL, "--inflate", 0.3, "--out", exploration)
+    result = call("large", "--planner", "greedy", "--world", SMALL, "--robot-radius", 0.3, "--out", exploration)
     assert result.exit_code == 1
-    assert "inflation" in result.output
+    assert "robot_radius" in result.output
 
 
 def test_the_table_tells_what_matters(exploration, tour):
