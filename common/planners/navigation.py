@@ -147,6 +147,12 @@ class GraphNavigator(NavigationPlanner):
         on_viewpoint = pose.distance_to(viewpoint) <= ON_VIEWPOINT * self.config.viewpoint_spacing
         start = self.graph.update(mapper, scanned=on_viewpoint)
         length, self._path = self.search(start)
+        stands_on = len(self._path) > 1 and pose.distance_to(self.graph.position(self._path[1])) <= TOLERANCE
+        if stands_on and not on_viewpoint:
+            # It stands where the next viewpoint would be if more were free than is: there is none, as the mapper knows.
+            self.graph.close(self._path[1])
+            start = self.graph.update(mapper, scanned=on_viewpoint)
+            length, self._path = self.search(start)
         if length >= NO_WAY:
             return self._look_closer(mapper, pose, target)
         plan = self._first_leg(mapper, pose, on_viewpoint)

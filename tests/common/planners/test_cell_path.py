@@ -72,7 +72,7 @@ def test_ways_are_short_and_keep_the_radius(seed: int, rows: int, columns: int, 
     for a, b in zip(way[:-1] / SUBCELLS, way[1:] / SUBCELLS, strict=True):
         length += float(np.hypot(*(b - a)))
         assert sweep(padded.reshape(-1), width, *a, *b, radius + 1.0) >= radius - 1e-6
-    assert length <= expected + 1e-3
+    assert length <= expected + 5e-3
 
 
 def test_across_an_empty_room_the_way_is_straight() -> None:
