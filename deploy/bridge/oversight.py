@@ -47,8 +47,8 @@ class Oversight:
         self._loops = LoopDetector()
         self._spacing = config.mapping.viewpoint_spacing
         self._radius = config.mapping.robot_radius
-        # Viewpoints where the robot was with something left to see; the edge of a frontier that it is on its way to, and
-        # those where it was.
+        # Viewpoints where the robot was with something left to see; the edge of a frontier that it is on its way to,
+        # and those where it was.
         self._visited: list[Position] = []
         self._edge: Position | None = None
         self._looked_from: list[Position] = []
