@@ -162,5 +162,19 @@ def all_plans() -> list[Plan]:
     return [office_floor(), diagonal_corridor(), furnished_hall()]
 
 
+def clear_cells(free: NDArray[np.bool_], radius: float, resolution: float = RESOLUTION) -> NDArray[np.bool_]:
+    """Return the cells whose centre is at least a radius from the nearest point of any cell that is not free."""
+    reach = int(np.ceil(radius / resolution)) + 1
+    padded = np.pad(free, reach)
+    clear = free.copy()
+    for i in range(-reach, reach + 1):
+        for j in range(-reach, reach + 1):
+            gap = np.hypot(max(abs(i) - 0.5, 0.0), max(abs(j) - 0.5, 0.0)) * resolution
+            if gap < radius - 1e-9:
+                rows, columns = free.shape
+                clear &= padded[reach + i : reach + i + rows, reach + j : reach + j + columns]
+    return clear
+
+
 def _cells(metres: float) -> int:
     return round(metres / RESOLUTION)

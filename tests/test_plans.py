@@ -4,23 +4,9 @@ import numpy as np
 import pytest
 
 from actors.maps.connectivity import reachable
-from tests.plans import RADIUS, RESOLUTION, SPACING, all_plans, diagonal_corridor, office_floor
+from tests.plans import RADIUS, SPACING, all_plans, clear_cells, diagonal_corridor, office_floor
 
 PLANS = all_plans()
-
-
-def clear_cells(free, radius):
-    """Cells whose centre is at least a radius from the nearest point of any cell that is not free."""
-    reach = int(np.ceil(radius / RESOLUTION)) + 1
-    padded = np.pad(free, reach)
-    clear = free.copy()
-    for i in range(-reach, reach + 1):
-        for j in range(-reach, reach + 1):
-            gap = np.hypot(max(abs(i) - 0.5, 0.0), max(abs(j) - 0.5, 0.0)) * RESOLUTION
-            if gap < radius - 1e-9:
-                rows, columns = free.shape
-                clear &= padded[reach + i : reach + i + rows, reach + j : reach + j + columns]
-    return clear
 
 
 @pytest.mark.parametrize("plan", PLANS, ids=lambda plan: plan.world.name)

@@ -15,6 +15,7 @@ from common.geometry import Pose
 from common.jit import njit
 from common.mapping.distances import shortest_paths
 from common.mapping.mapper import Mapper
+from common.mapping.sight import OCCUPIED
 
 # Rounding must not keep an edge that a viewpoint lies on, metres.
 TOLERANCE = 1e-6
@@ -95,7 +96,9 @@ class TrueGraph:
             bounds=(x, y, x + width, y + height),
             target=world.target,
         )
-        mapper.belief.assign(known_cells(world), world.origin)
+        # With the wall around it: what lies outside a world counts as occupied, and to a mapper as unknown.
+        cells = np.pad(known_cells(world), 1, constant_values=OCCUPIED)
+        mapper.belief.assign(cells, (x - world.resolution, y - world.resolution))
         mapper.update(Pose(*world.start))
         if mapper.stuck:
             raise MapError(

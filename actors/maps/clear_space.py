@@ -13,7 +13,7 @@ from common.mapping.belief import Belief
 from common.mapping.clearance import TIGHT, Clearance
 from common.mapping.pieces import Cells
 from common.mapping.sight import FREE, NOTHING_LOST, OCCUPIED
-from common.mapping.viewpoints import MARGIN_REACH, nearest_clear
+from common.mapping.standing import MARGIN_REACH, nearest_clear
 
 
 def known_cells(world: GridMap) -> NDArray[np.int8]:

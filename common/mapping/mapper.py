@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import Final
 
 import numpy as np
@@ -27,6 +26,8 @@ from common.mapping.utility import FrontierUtility
 from common.mapping.viewpoints import ViewpointGraph
 from common.observation import MAX_VIEWPOINTS, Observation
 
+# Positions lie so near to the lattice's origin along each axis, metres: in subcells they must fit into 64 bits.
+FARTHEST: Final = 1.0e6
 _NO_NODES: Final = np.empty(0, dtype=np.int32)
 _NO_EDGES: Final = Adjacency(np.zeros(1, np.int64), _NO_NODES, np.empty(0), np.empty(0, np.bool_))
 _NO_CHANGES: Final = FrontierChanges(_NO_NODES, _NO_NODES, NOTHING_LOST)
@@ -69,9 +70,12 @@ class Mapper:
             target: (x, y) of the navigation target, metres.
 
         Raises:
-            MappingError: a position is not finite, or the bounds are empty.
+            MappingError: a position is not finite or too far away, or the bounds are empty.
         """
-        _check_finite("lattice_origin", lattice_origin)
+        if not np.isfinite(lattice_origin).all():
+            raise MappingError(f"lattice_origin must be finite, got {lattice_origin}: pass (x, y) in metres")
+        if target is not None:
+            _check_near("target", target, lattice_origin)
         self.belief = Belief(config.resolution, config.sensor_range, anchor=lattice_origin, bounds=bounds)
         self.frontiers_removed = 0
         self._config = config
@@ -89,13 +93,14 @@ class Mapper:
     def update(self, pose: Pose) -> None:
         """Bring frontiers, viewpoints, edges, utilities, beacons, visited flags and the robot's node up to date.
 
-        A viewpoint counts as visited when it is the robot's node and within half a spacing.
+        A viewpoint counts as visited when it is the robot's node and within half a spacing, or once nothing else is
+        left to look at. One that has moved to a lookout counts as not visited.
 
         Raises:
-            MappingError: the pose is not finite, or more viewpoints are reachable than an observation can hold.
+            MappingError: the pose is not finite or too far away, or more viewpoints are reachable than an observation
+                can hold.
         """
-        if not (isfinite(pose.x) and isfinite(pose.y)):
-            raise MappingError(f"a pose must be finite, got {pose}: check the robot's localisation")
+        _check_near("a pose", pose.position, self._lattice_origin)
         belief = self.belief
         if belief.generation != self._generation:
             self._rebuild(self._graph)
@@ -159,7 +164,7 @@ class Mapper:
     @target.setter
     def target(self, position: tuple[float, float] | None) -> None:
         if position is not None:
-            _check_finite("target", position)
+            _check_near("target", position, self._lattice_origin)
         self._target = None if position is None else Target(position, self._config)
 
     @property
@@ -468,6 +473,11 @@ class Mapper:
             self._target.forget()
 
 
-def _check_finite(name: str, point: tuple[float, float]) -> None:
-    if not np.isfinite(point).all():
-        raise MappingError(f"{name} must be finite, got {point}: pass (x, y) in metres")
+def _check_near(name: str, position: tuple[float, float], origin: tuple[float, float]) -> None:
+    """Raise a MappingError unless a position is one that subcells can say."""
+    # Written so that NaN is not near.
+    if not all(abs(value - middle) <= FARTHEST for value, middle in zip(position, origin, strict=True)):
+        raise MappingError(
+            f"{name} must be finite and within {FARTHEST / 1000:g} km of the lattice's origin {origin}, got "
+            f"{position}: check the map frame and the robot's localisation"
+        )

@@ -81,7 +81,8 @@ class Target:
         self.known = len(self.links) > 0
         if not self.known:
             beacons = np.flatnonzero(beacon)
-            far = (x[beacons] - here[0]) ** 2 + (y[beacons] - here[1]) ** 2
+            # Whole numbers would overflow for a target some kilometres away.
+            far = (x[beacons] - here[0]).astype(np.float64) ** 2 + (y[beacons] - here[1]).astype(np.float64) ** 2
             self.links = np.sort(beacons[np.argsort(far, kind="stable")[:MAX_TARGET_LINKS]])
         away = np.hypot((x[self.links] - here[0]).astype(np.float64), (y[self.links] - here[1]).astype(np.float64))
         if self._piece >= 0:

@@ -16,21 +16,14 @@ from common.jit import njit
 from common.mapping.adjacency import Adjacency, reach
 from common.mapping.candidates import forget_pairs, list_pairs, most_pairs, update_pairs
 from common.mapping.cell_grid import AnchoredGrid
-from common.mapping.clearance import SWEEP_TOLERANCE, Clearance, passable, sweep
+from common.mapping.clearance import Clearance
 from common.mapping.lookouts import find_lookouts
-from common.mapping.pieces import (
-    NOWHERE,
-    PIECE,
-    Cells,
-    best_place,
-    centre_label,
-    label_square,
-    piece_at,
-    survey,
-)
+from common.mapping.pieces import NOWHERE, PIECE, Cells
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
-from common.mapping.sight import CLEAR, NOTHING_LOST, Box, blocker
+from common.mapping.settling import choose, label_dirty, mark_beside, settle
+from common.mapping.sight import NOTHING_LOST, Box
 from common.mapping.squares import Layout, lay_out
+from common.mapping.standing import MARGIN_REACH, cell_for, locate, nearest_clear, piece_of, pieces_at
 from common.mapping.touches import find_touches, forget_ways, measure_ways
 from common.mapping.ways import way_between, way_inside
 
@@ -38,271 +31,11 @@ from common.mapping.ways import way_between, way_inside
 LONGEST_EDGE: Final = 5.0**0.5
 # Space around a viewpoint beside its lattice point that counts, metres.
 PLACE_MARGIN: Final = 0.5
-# A robot beside clear space is taken to the nearest clear cell within this, metres beyond its radius.
-MARGIN_REACH: Final = 0.5
 # So near to a place where the robot has been, another look shows nothing new, metres.
 BEEN_REACH: Final = 0.3
 Pairs = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
 Touches = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]
 _NO_PIECES: Final = np.zeros(0, dtype=np.int32)
-
-
-@njit(cache=True, nogil=True)
-def _label_dirty(cells: Cells, layout: Layout, dirty: NDArray[np.bool_], counts: NDArray[np.int32]) -> int:
-    """Number the pieces of all dirty squares; write how many each has; return how many they have together."""
-    rows, columns = dirty.shape
-    stack = np.empty(_largest(layout.row_begin) * _largest(layout.column_begin), dtype=np.int32)
-    total = 0
-    for j in range(rows):
-        for i in range(columns):
-            if dirty[j, i]:
-                counts[j, i] = label_square(cells, layout, j, i, stack)
-                total += counts[j, i]
-    return total
-
-
-@njit(cache=True, nogil=True)
-def _mark_beside(pieces: Any, first_of: NDArray[np.int32], dirty: NDArray[np.bool_], beside: NDArray[np.bool_]) -> None:
-    """Make those squares dirty as well whose viewpoints may have to move for what changed beside the square."""
-    rows, columns = dirty.shape
-    for j in range(rows):
-        for i in range(columns):
-            if not beside[j, i]:
-                continue
-            beside[j, i] = False
-            piece = first_of[j * columns + i]
-            while piece >= 0:
-                dirty[j, i] |= pieces[piece].x >= 0 and not pieces[piece].centred
-                piece = pieces[piece].next
-
-
-@njit(cache=True, nogil=True)
-def _largest(begin: NDArray[np.int64]) -> int:
-    most = 1
-    for k in range(len(begin) - 1):
-        most = max(most, begin[k + 1] - begin[k])
-    return most
-
-
-@njit(cache=True, nogil=True)
-def _settle(
-    cells: Cells,
-    layout: Layout,
-    pieces: Any,
-    first_of: NDArray[np.int32],
-    dirty: NDArray[np.bool_],
-    counts: NDArray[np.int32],
-    free: NDArray[np.int32],
-    free_count: int,
-    margin: int,
-    gone: NDArray[np.int32],
-) -> tuple[int, int]:
-    """Make the pieces of all dirty squares anew; one whose viewpoint stays where it was stays the piece that it was.
-
-    Args:
-        cells: of the belief, labelled.
-        layout: of the squares.
-        pieces: all pieces.
-        first_of: first piece of each square.
-        dirty: squares to look at.
-        counts: number of pieces of each square.
-        free: numbers of pieces that are not in use, a stack; there are enough.
-        free_count: height of the stack.
-        margin: space around a place that counts at most, cells.
-        gone: receives the pieces that are no more.
-
-    Returns:
-        Height of the stack, and how many pieces are gone.
-    """
-    rows, columns = dirty.shape
-    gone_count = 0
-    most = 1
-    for j in range(rows):
-        for i in range(columns):
-            if dirty[j, i]:
-                most = max(most, counts[j, i] + 1)
-    first_cell = np.empty(most, dtype=np.int32)
-    visited = np.empty(most, dtype=np.bool_)
-    for j in range(rows):
-        for i in range(columns):
-            if not dirty[j, i]:
-                continue
-            square = j * columns + i
-            old = first_of[square]
-            count = counts[j, i]
-            first_of[square] = NOWHERE
-            if count:
-                first_cell[: count + 1] = -1
-                visited[: count + 1] = False
-                settled = survey(cells, layout, j, i, first_cell, visited)
-                centre = centre_label(cells, layout, j, i)
-                last = NOWHERE
-                for label in range(1, count + 1):
-                    x, y = np.int64(NOWHERE), np.int64(NOWHERE)
-                    waits = not (settled or label == centre)
-                    if label == centre:
-                        x, y = layout.x[i], layout.y[j]
-                    elif settled or visited[label]:
-                        x, y = best_place(cells, layout, j, i, label, margin)
-                    # The same viewpoint as before, if there was one at this place.
-                    before, piece = NOWHERE, old
-                    while piece >= 0 and (x < 0 or pieces[piece].x != x or pieces[piece].y != y):
-                        before, piece = piece, pieces[piece].next
-                    if piece >= 0:
-                        after = pieces[piece].next
-                        if before < 0:
-                            old = after
-                        else:
-                            pieces[before].next = after
-                    else:
-                        free_count -= 1
-                        piece = free[free_count]
-                        pieces[piece].exists = False
-                        pieces[piece].listed = False
-                    p = pieces[piece]
-                    p.x, p.y, p.square, p.label, p.next = x, y, square, label, NOWHERE
-                    p.cell, p.alive, p.centred, p.waits = first_cell[label], True, label == centre, waits
-                    p.visited, p.lookout = visited[label], False
-                    if last < 0:
-                        first_of[square] = piece
-                    else:
-                        pieces[last].next = piece
-                    last = piece
-            while old >= 0:
-                pieces[old].alive = False
-                gone[gone_count] = old
-                gone_count += 1
-                old = pieces[old].next
-    return free_count, gone_count
-
-
-@njit(cache=True, nogil=True)
-def _choose(
-    cells: Cells,
-    layout: Layout,
-    pieces: Any,
-    used: int,
-    touch_count: NDArray[np.int32],
-    touch_other: NDArray[np.int32],
-    robot: int,
-    everywhere: bool,
-    lookouts: NDArray[np.int64],
-    margin: int,
-    fresh: NDArray[np.int32],
-    ended: NDArray[np.int32],
-) -> tuple[int, int]:
-    """Decide which pieces have a viewpoint, and give those that are new a place; see `ViewpointGraph`.
-
-    Args:
-        cells: of the belief.
-        layout: of the squares.
-        pieces: all pieces; brought up to date.
-        used: how many of them are in use at most.
-        touch_count: see `find_touches`.
-        touch_other: see `find_touches`.
-        robot: piece where the robot stands, -1 for none.
-        everywhere: no piece waits.
-        lookouts: place of each piece near frontiers, subcells, int64, shape (used, 2); -1 for its usual one.
-        margin: space around a place that counts at most, cells.
-        fresh: receives the pieces whose viewpoint is new, int32.
-        ended: receives the living pieces whose viewpoint ends, int32.
-
-    Returns:
-        How many of either.
-    """
-    columns = len(layout.x)
-    beside = np.zeros(used, dtype=np.bool_)
-    for piece in range(used):
-        if not pieces[piece].alive:
-            continue
-        for side in range(2):
-            for k in range(touch_count[piece, side]):
-                there = touch_other[piece, side, k]
-                if pieces[piece].visited:
-                    beside[there] = True
-                if pieces[there].visited:
-                    beside[piece] = True
-    fresh_count = ended_count = 0
-    for piece in range(used):
-        p = pieces[piece]
-        if not p.alive:
-            continue
-        exists = not p.waits or p.visited or beside[piece] or piece == robot or everywhere
-        x, y = lookouts[piece]
-        is_lookout = x >= 0
-        if not is_lookout and (p.x < 0 or p.lookout):
-            j, i = p.square // columns, p.square % columns
-            x, y = (layout.x[i], layout.y[j]) if p.centred else best_place(cells, layout, j, i, p.label, margin)
-        moves = x >= 0 and (x != p.x or y != p.y)
-        if p.exists and (moves or not exists):
-            ended[ended_count] = piece
-            ended_count += 1
-        if exists and (moves or not p.exists):
-            fresh[fresh_count] = piece
-            fresh_count += 1
-        if moves and exists:
-            p.x, p.y = x, y
-        p.lookout = is_lookout
-        p.exists = exists
-    return fresh_count, ended_count
-
-
-@njit(cache=True, nogil=True)
-def _piece_of(cells: Cells, layout: Layout, pieces: Any, first_of: NDArray[np.int32], x: int, y: int, most: int) -> int:
-    """Return the piece that holds a point, or the nearest clear cell that the point sees; -1 for none."""
-    # A place on the border of squares belongs to the first of them: of equally near viewpoints it has the lower number.
-    row, column = (y - 1) >> SUBCELL_BITS, (x - 1) >> SUBCELL_BITS
-    if not (1 <= row < len(cells.clear) // cells.width - 1 and 1 <= column < cells.width - 1):
-        return NOWHERE
-    cell = row * cells.width + column
-    if not cells.labels[cell]:
-        cell = nearest_clear(cells, x, y, most)
-    return piece_at(pieces, first_of, cells, layout, cell) if cell >= 0 else NOWHERE
-
-
-@njit(cache=True, nogil=True)
-def _pieces_at(
-    cells: Cells,
-    layout: Layout,
-    pieces: Any,
-    first_of: NDArray[np.int32],
-    x: NDArray[np.int64],
-    y: NDArray[np.int64],
-) -> NDArray[np.int64]:
-    """Return the piece that holds each point, -1 where none does."""
-    height = len(cells.clear) // cells.width
-    found = np.full(len(x), NOWHERE, dtype=np.int64)
-    for k in range(len(x)):
-        row, column = y[k] >> SUBCELL_BITS, x[k] >> SUBCELL_BITS
-        if 1 <= row < height - 1 and 1 <= column < cells.width - 1:
-            found[k] = piece_at(pieces, first_of, cells, layout, row * cells.width + column)
-    return found
-
-
-@njit(cache=True, nogil=True)
-def _locate(
-    cells: Cells,
-    layout: Layout,
-    pieces: Any,
-    first_of: NDArray[np.int32],
-    robot: tuple[int, int],
-    most: int,
-    visit_reach: int,
-    margin: int,
-) -> int:
-    """Return the robot's piece; note that the robot has been there when it is near enough to the viewpoint."""
-    x, y = robot
-    piece = _piece_of(cells, layout, pieces, first_of, x, y, most)
-    if piece < 0:
-        return piece
-    p = pieces[piece]
-    if p.x < 0:
-        columns = len(layout.x)
-        p.x, p.y = best_place(cells, layout, p.square // columns, p.square % columns, p.label, margin)
-    if not p.visited and (p.x - x) ** 2 + (p.y - y) ** 2 <= visit_reach * visit_reach:
-        p.visited = True
-        cells.been[(p.y >> SUBCELL_BITS) * cells.width + (p.x >> SUBCELL_BITS)] = True
-    return piece
 
 
 @njit(cache=True, nogil=True)
@@ -337,18 +70,18 @@ def _renew_viewpoints(
     gone = np.empty(used, dtype=np.int32)
     gone_count = 0
     if renew:
-        free_count, gone_count = _settle(cells, layout, pieces, first_of, dirty, counts, free, free_count, margin, gone)
+        free_count, gone_count = settle(cells, layout, pieces, first_of, dirty, counts, free, free_count, margin, gone)
         find_touches(cells, pieces, first_of, layout, dirty, touch_count, touched, length)
         dirty[:] = False
-    here = _locate(cells, layout, pieces, first_of, robot, clear_reach, visit_reach, margin)
+    here = locate(cells, layout, pieces, first_of, robot, clear_reach, visit_reach, margin)
     fresh = np.empty(used, dtype=np.int32)
     ended = np.empty(used + gone_count, dtype=np.int32)
     lookouts = np.full((used, 2), NOWHERE, dtype=np.int64)
     if everywhere and here >= 0:
-        cells.been[(robot[1] >> SUBCELL_BITS) * cells.width + (robot[0] >> SUBCELL_BITS)] = True
+        cells.been[cell_for(cells, robot[0], robot[1], clear_reach)] = True
         pieces[here].visited = True
         find_lookouts(cells, layout, pieces, first_of, frontiers, clear_reach, been_reach, lookouts)
-    fresh_count, ended_count = _choose(
+    fresh_count, ended_count = choose(
         cells, layout, pieces, used, touch_count, touched, here, everywhere, lookouts, margin, fresh, ended
     )
     for k in range(gone_count):
@@ -400,37 +133,6 @@ def _renew_edges(
             else:
                 box = (min(box[0], top), max(box[1], bottom), min(box[2], left), max(box[3], right))
     return box
-
-
-@njit(cache=True, nogil=True)
-def nearest_clear(cells: Cells, x: int, y: int, most: int) -> int:
-    """Return the nearest passable cell that a point in the margin of clear space can be driven to, flat, -1 for none.
-
-    The line to the middle of the cell is free, and comes no nearer to what is not than the point is, if there is such a
-    cell.
-    """
-    width = cells.width
-    height = len(cells.clear) // width
-    row, column = y >> SUBCELL_BITS, x >> SUBCELL_BITS
-    from_x, from_y = x / SUBCELLS, y / SUBCELLS
-    gap = sweep(cells.belief, width, from_x, from_y, from_x, from_y, float(most))
-    best, best_far, best_keeps = -1, 0, False
-    for r in range(max(row - most, 1), min(row + most, height - 2) + 1):
-        for c in range(max(column - most, 1), min(column + most, width - 2) + 1):
-            if not passable(cells.clear[r * width + c]):
-                continue
-            to_x = (c << SUBCELL_BITS) + SUBCELLS // 2
-            to_y = (r << SUBCELL_BITS) + SUBCELLS // 2
-            far = (to_x - x) ** 2 + (to_y - y) ** 2
-            if best >= 0 and best_keeps and far >= best_far:
-                continue
-            if blocker(cells.belief, width, x, y, to_x, to_y) != CLEAR:
-                continue
-            around = sweep(cells.belief, width, from_x, from_y, to_x / SUBCELLS, to_y / SUBCELLS, gap)
-            keeps = around >= gap - SWEEP_TOLERANCE
-            if best < 0 or (keeps and not best_keeps) or (keeps == best_keeps and far < best_far):
-                best, best_far, best_keeps = r * width + c, far, keeps
-    return best
 
 
 class ViewpointGraph:
@@ -555,8 +257,8 @@ class ViewpointGraph:
             box, lost = self._clearance.update(
                 cells.belief.reshape(-1, cells.width), changed, lost, layout, self.dirty, self.beside
             )
-            _mark_beside(self.pieces, self.first_of, self.dirty, self.beside)
-            total = int(_label_dirty(cells, layout, self.dirty, self._counts))
+            mark_beside(self.pieces, self.first_of, self.dirty, self.beside)
+            total = int(label_dirty(cells, layout, self.dirty, self._counts))
             if total > self._free_count:
                 self._reserve(self.used + max(self.used, total))
         self._free_count, self._gone, self.robot, self.fresh, self.ended, most = _renew_viewpoints(
@@ -572,11 +274,11 @@ class ViewpointGraph:
 
     def piece_of(self, point: tuple[int, int]) -> int:
         """Return the piece that holds a point, subcells; beside clear space the nearest in a free line; -1 for none."""
-        return int(_piece_of(self.cells, self.layout, self.pieces, self.first_of, *point, self._clear_reach))
+        return int(piece_of(self.cells, self.layout, self.pieces, self.first_of, *point, self._clear_reach))
 
     def pieces_at(self, x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the piece that holds each point, subcells; -1 where none does, int64, shape of ``x``."""
-        found: NDArray[np.int64] = _pieces_at(self.cells, self.layout, self.pieces, self.first_of, x, y)
+        found: NDArray[np.int64] = pieces_at(self.cells, self.layout, self.pieces, self.first_of, x, y)
         return found
 
     def reachable(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Adjacency]:

@@ -11,7 +11,7 @@ from common.config.schema import MappingConfig
 from common.errors import ConfigError
 from common.geometry import Pose
 from common.jit import njit
-from common.mapping.belief import Belief
+from common.mapping.cell_grid import CellGrid
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status
 from common.planners.roadmap import Roadmap, trace
@@ -70,8 +70,8 @@ class DsvpPlanner(SamplingPlanner):
     gain, where the publication takes one that has a global frontier in sight; and the last extension draws half of its
     samples around frontiers that no place sees from near, because others seldom pass a door of 1 m.
 
-    Left out: the terrain analysis, because walls are all there is; and the robot's bounding box, by which places and
-    edges of the publication keep clear of obstacles: a robot with a size touches walls more often than on the lattice.
+    Left out: the terrain analysis, because walls are all there is. Places and edges keep clear of obstacles by the
+    robot's radius, in the publication by its bounding box.
     """
 
     name = "dsvp"
@@ -135,13 +135,13 @@ class DsvpPlanner(SamplingPlanner):
 
     def _grow(self, mapper: Mapper, pose: Pose, low: Corner, high: Corner) -> None:
         """Prune the local roadmap to the horizon around the robot and extend it; the robot is its place 0."""
-        belief = mapper.belief
+        clear = mapper.clear
         here = np.array(pose.position)
         rest = self._local.points
         rest = rest[(np.abs(rest - here) <= self._horizon).all(axis=1)]
         rest = rest[np.hypot(*(rest - here).T) >= self.spread]
         self._local = Roadmap(self.reach)
-        self._local.add(belief, np.vstack([here, rest]))
+        self._local.add(clear, np.vstack([here, rest]))
         self._local.keep(np.flatnonzero(np.isfinite(self._local.shortest(0)[0])))
         low, high = np.maximum(low, here - self._horizon), np.minimum(high, here + self._horizon)
         samples = self.samples(self._samples, low, high)
@@ -154,8 +154,8 @@ class DsvpPlanner(SamplingPlanner):
         tree = Tree(pose.position)
         tree.graft(self._local.points[1:])
         first = len(tree.points)
-        tree.extend(belief, samples, capacity=self._nodes, step=self.reach, spread=self.spread)
-        self._local.add(belief, tree.points[first:])
+        tree.extend(clear, samples, capacity=self._nodes, step=self.reach, spread=self.spread)
+        self._local.add(clear, tree.points[first:])
 
     def _frontiers_ahead(self, mapper: Mapper, here: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the frontier cells of the horizon that are nearest to the direction of exploration, metres."""
@@ -177,7 +177,7 @@ class DsvpPlanner(SamplingPlanner):
         useful = np.flatnonzero(gains > 0.0)
         ways = {int(node): trace(before, int(node)) for node in useful}
         known = [0, *dict.fromkeys(k for way in ways.values() for k in way[1:])]
-        self._global.add_ways(mapper.belief, roadmap.points, before, known, self._global_spread)
+        self._global.add_ways(mapper.clear, roadmap.points, before, known, self._global_spread)
         best, most = -1, 0.0
         for node, way in ways.items():
             worth = float(gains[way].sum())
@@ -193,14 +193,14 @@ class DsvpPlanner(SamplingPlanner):
 
     def _relocate(self, mapper: Mapper, pose: Pose, low: Corner, high: Corner) -> Plan:
         """Return the first edge towards the nearest place of the global roadmap that sees the unknown."""
-        belief = mapper.belief
+        clear = mapper.clear
         here = np.array(pose.position)
-        robot = self._stand(belief, here)
-        self._global.recheck(belief)
+        robot = self._stand(clear, here)
+        self._global.recheck(clear)
         roadmap = Roadmap(self.reach)
         roadmap.points, roadmap.lengths = self._global.points, self._global.lengths
         if robot is None:
-            roadmap.add(belief, here[None])
+            roadmap.add(clear, here[None])
             robot = len(roadmap) - 1
         for extension in range(EXTENSIONS + 1):
             if extension:
@@ -212,7 +212,7 @@ class DsvpPlanner(SamplingPlanner):
                 if extension:
                     ways = [trace(before, int(node)) for node in np.flatnonzero(sees)]
                     known = list(dict.fromkeys(k for way in ways for k in way))
-                    self._global.add_ways(belief, roadmap.points, before, known, self._global_spread)
+                    self._global.add_ways(clear, roadmap.points, before, known, self._global_spread)
                 route = [(float(x), float(y)) for x, y in roadmap.points[trace(before, goal)[1:]]]
                 self._set_direction(here, route[0])
                 return Plan(Status.GOING, waypoint=route[0], beacon=route[-1], path=route[1:])
@@ -220,7 +220,7 @@ class DsvpPlanner(SamplingPlanner):
             return Plan(Status.STUCK, reason="no free way leads out of the robot's place")
         return Plan(Status.COMPLETE, reason=f"no place of {len(roadmap)} sees {self.min_gain:g} m2 of unknown area")
 
-    def _stand(self, belief: Belief, here: NDArray[np.float64]) -> int | None:
+    def _stand(self, clear: CellGrid, here: NDArray[np.float64]) -> int | None:
         """Move a place that the robot stands beside to where it stands, and return its number; None without one.
 
         Else a robot that cannot stop exactly at a place would be sent there for ever, or to and fro, when the way on is
@@ -230,7 +230,7 @@ class DsvpPlanner(SamplingPlanner):
         if not beside.any():
             return None
         self._global.keep(np.flatnonzero(~beside))
-        self._global.add(belief, here[None])
+        self._global.add(clear, here[None])
         return len(self._global) - 1
 
     def _extend(self, mapper: Mapper, roadmap: Roadmap, low: Corner, high: Corner) -> None:
@@ -253,8 +253,8 @@ class DsvpPlanner(SamplingPlanner):
         first = len(tree.points)
         capacity = first + 2 * self._nodes
         # Places on both sides of a door are near to each other.
-        tree.extend(mapper.belief, samples, capacity=capacity, step=self.reach, spread=self.spread / 2)
-        roadmap.add(mapper.belief, tree.points[first:])
+        tree.extend(mapper.clear, samples, capacity=capacity, step=self.reach, spread=self.spread / 2)
+        roadmap.add(mapper.clear, tree.points[first:])
 
     def _set_direction(self, here: NDArray[np.float64], to: Position) -> None:
         away = np.array(to) - here

@@ -35,7 +35,8 @@ class ScannedViewpoints:
     def __init__(self, spacing: float) -> None:
         """Forget everything; `spacing` of the viewpoints in metres tells places apart."""
         self._spacing = spacing
-        self._done: set[tuple[int, int]] = set()
+        self._scanned: set[tuple[int, int]] = set()
+        self._given_up: set[tuple[int, int]] = set()
         self._asked: tuple[Position, Position] | None = None
         self._attempts = 0
 
@@ -45,7 +46,7 @@ class ScannedViewpoints:
         near = pose.distance_to(viewpoint) <= ON_VIEWPOINT * self._spacing + TOLERANCE
         # The mapper moves a viewpoint to see what it could not from where it was: that place counts when it says so.
         if near and mapper.observe().visited[mapper.robot]:
-            self._done.add(self._key(*viewpoint))
+            self._scanned.add(self._key(*viewpoint))
 
     def note_attempt(self, pose: Pose, waypoint: Position, goal: Position) -> None:
         """Count decisions that lead nowhere: after `MAX_ATTEMPTS` the waypoint and the goal are given up."""
@@ -54,12 +55,23 @@ class ScannedViewpoints:
         else:
             self._asked, self._attempts = (pose.position, waypoint), 1
         if self._attempts >= MAX_ATTEMPTS:
-            self._done |= {self._key(*waypoint), self._key(*goal)}
+            self._given_up |= {self._key(*waypoint), self._key(*goal)}
 
-    def mask(self, positions: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which of the positions, metres, shape (n, 2), are done with, bool, shape (n,)."""
-        keys = np.rint(positions * (8.0 / self._spacing)).astype(np.int64).tolist()
-        return np.fromiter(((x, y) in self._done for x, y in keys), dtype=np.bool_, count=len(keys))
+    def candidates(self, mapper: Mapper) -> NDArray[np.int64]:
+        """Return the nodes that observe frontiers and are not done with, ascending.
+
+        A viewpoint where the mapper does not know the robot to have been is worth a visit, even near one that was
+        scanned from: it may be that of another piece, or have moved since.
+        """
+        observation = mapper.observe()
+        useful = np.flatnonzero(observation.utility > 0)
+        visited = observation.visited[useful].tolist()
+        keys = np.rint(mapper.viewpoints[useful] * (8.0 / self._spacing)).astype(np.int64).tolist()
+        left = [
+            (x, y) not in self._given_up and not (been and (x, y) in self._scanned)
+            for (x, y), been in zip(keys, visited, strict=True)
+        ]
+        return useful[np.array(left, dtype=np.bool_)]
 
     def _key(self, x: float, y: float) -> tuple[int, int]:
         scale = 8.0 / self._spacing
@@ -96,13 +108,10 @@ class LatticePlanner(ABC):
         if mapper.stuck:
             return Plan(Status.STUCK, reason="no viewpoint can be reached in a straight free line from the robot")
         self.scanned.note(mapper, pose)
-        positions = mapper.viewpoints
-        utility = mapper.observe().utility
-        useful = utility > 0
-        candidates = np.flatnonzero(useful & ~self.scanned.mask(positions))
+        candidates = self.scanned.candidates(mapper)
         if not len(candidates):
-            return Plan(Status.COMPLETE, reason=nothing_left(int(np.count_nonzero(useful))))
-        stops = self.choose(mapper, pose, candidates, positions)
+            return Plan(Status.COMPLETE, reason=nothing_left(int(np.count_nonzero(mapper.observe().utility))))
+        stops = self.choose(mapper, pose, candidates, mapper.viewpoints)
         if not stops:
             return Plan(Status.COMPLETE, reason="no viewpoint that still observes frontiers leads anywhere new")
         plan = lead_to(mapper, pose, stops, self.config.viewpoint_spacing)

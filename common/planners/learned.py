@@ -163,11 +163,10 @@ class LearnedPlanner:
             if observation.has_target:
                 return Plan(Status.UNREACHABLE, reason="no reachable viewpoint observes a frontier or the target")
             return Plan(Status.COMPLETE, reason="no reachable viewpoint observes a frontier")
-        useful = observation.utility > 0
         self._scanned.note(mapper, pose)
-        if not observation.target_known and self._scanned.mask(mapper.viewpoints)[useful].all():
+        if not observation.target_known and not len(self._scanned.candidates(mapper)):
             status = Status.UNREACHABLE if observation.has_target else Status.COMPLETE
-            return Plan(status, reason=nothing_left(int(np.count_nonzero(useful))))
+            return Plan(status, reason=nothing_left(int(np.count_nonzero(observation.utility))))
         if not len(observation.waypoint_nodes()):
             # What is to be seen is seen from the only viewpoint there is.
             plan = next_leg(mapper, pose, [mapper.robot], self._config.viewpoint_spacing)
@@ -193,8 +192,8 @@ class LearnedPlanner:
             return mapper.target
         positions = mapper.viewpoints
         distances = mapper.distances(mapper.robot)
-        useful = (mapper.observe().utility > 0) & ~self._scanned.mask(positions)
-        candidates = np.flatnonzero(useful & np.isfinite(distances[: len(positions)]))
+        candidates = self._scanned.candidates(mapper)
+        candidates = candidates[np.isfinite(distances[candidates])]
         if not len(candidates):
             return None
         if mapper.target is None:

@@ -14,7 +14,8 @@ from common.errors import ConfigError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.mapping.raycast import SUBCELLS
-from common.mapping.viewpoints import LONGEST_EDGE, MARGIN_REACH
+from common.mapping.standing import MARGIN_REACH
+from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.following import PathFollower
 from common.planners.graph_search import NO_WAY

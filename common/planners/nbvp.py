@@ -87,7 +87,7 @@ class NbvpPlanner(SamplingPlanner):
             size = len(tree.points)
             capacity = self._nodes if size < self._nodes else self._most_nodes
             samples = self.samples(BATCH, low, high)
-            tree.extend(mapper.belief, samples, capacity=capacity, step=self.reach, spread=self.spread)
+            tree.extend(mapper.clear, samples, capacity=capacity, step=self.reach, spread=self.spread)
             in_vain = in_vain + 1 if len(tree.points) == size else 0
             if len(tree.points) < self._nodes:
                 continue

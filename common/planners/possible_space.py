@@ -12,7 +12,7 @@ from common.mapping.belief import Belief
 from common.mapping.clearance import CLEAR_CELL, TIGHT, Clearance
 from common.mapping.raycast import SUBCELLS
 from common.mapping.sight import CLEAR, Box, blocker
-from common.mapping.viewpoints import MARGIN_REACH
+from common.mapping.standing import MARGIN_REACH
 from common.planners.base import Position
 from common.planners.cell_path import cell_path, connected
 from common.planners.lattice import TOLERANCE

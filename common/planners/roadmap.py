@@ -1,4 +1,4 @@
-"""A roadmap: places in known free space, joined in line of sight, that grows where a random tree would."""
+"""A roadmap: places in known clear space, joined in line of sight, that grows where a random tree would."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.jit import njit
-from common.mapping.belief import Belief
+from common.mapping.cell_grid import CellGrid
 from common.mapping.raycast import SUBCELLS
 from common.mapping.sight import CLEAR, blocker
 from common.planners.visibility import subcells
@@ -77,22 +77,22 @@ class Roadmap:
     def __len__(self) -> int:
         return len(self.points)
 
-    def add(self, belief: Belief, points: NDArray[np.float64]) -> None:
-        """Add places in known free cells, metres, shape (m, 2), and join them with all in reach and in sight."""
+    def add(self, clear: CellGrid, points: NDArray[np.float64]) -> None:
+        """Add places in clear cells, metres, shape (m, 2), and join them with all in reach and in sight."""
         first, count = len(self.points), len(self.points) + len(points)
         self.points = np.vstack([self.points, points])
         lengths = np.full((count, count), np.inf)
         lengths[:first, :first] = self.lengths
         self.lengths = lengths
-        padded = belief.padded
-        scale = SUBCELLS / belief.resolution
-        places = subcells(belief, self.points)
+        padded = clear.padded
+        scale = SUBCELLS / clear.resolution
+        places = subcells(clear, self.points)
         # A millionth of rounding must not cut off what is exactly in reach.
         _join(padded.reshape(-1), padded.shape[1], places, first, lengths, self._reach * (1.0 + 1e-6), scale)
 
     def add_ways(
         self,
-        belief: Belief,
+        clear: CellGrid,
         points: NDArray[np.float64],
         before: NDArray[np.int64],
         known: list[int],
@@ -104,7 +104,7 @@ class Roadmap:
         the place before it: a neighbour behind a wall is nearest to many a place, and leads nowhere.
 
         Args:
-            belief: what the robot knows.
+            clear: where the robot fits, see `Mapper.clear`.
             points: places of the roadmap that the ways are from, metres, shape (n, 2).
             before: the place before each one on its way, -1 for a start.
             known: the places to add, each after the one before it.
@@ -113,7 +113,7 @@ class Roadmap:
         low, high = points[known].min(axis=0) - self._reach, points[known].max(axis=0) + self._reach
         near = self.points[((self.points >= low) & (self.points <= high)).all(axis=1)]
         both = Roadmap(self._reach)
-        both.add(belief, np.vstack([near, points[known]]))
+        both.add(clear, np.vstack([near, points[known]]))
         kept = np.arange(len(both)) < len(near)
         own = {node: len(near) + k for k, node in enumerate(known)}
         stands: dict[int, int] = {}
@@ -130,12 +130,12 @@ class Roadmap:
                 kept[own[int(before[node])]] = True
             kept[own[node]] = True
             stands[node] = own[node]
-        self.add(belief, both.points[len(near) :][kept[len(near) :]])
+        self.add(clear, both.points[len(near) :][kept[len(near) :]])
 
-    def recheck(self, belief: Belief) -> None:
+    def recheck(self, clear: CellGrid) -> None:
         """Join all places anew: ways that are not known to be free any more go, those that have become so come."""
         points, self.points, self.lengths = self.points, np.empty((0, 2)), np.empty((0, 0))
-        self.add(belief, points)
+        self.add(clear, points)
 
     def keep(self, nodes: NDArray[np.int64]) -> None:
         """Drop all places but these; they are numbered anew in this order."""

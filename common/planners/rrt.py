@@ -1,4 +1,4 @@
-"""Rapidly-exploring random trees in known free space (LaValle, 1998), and the roadmap that grows like one."""
+"""Rapidly-exploring random trees in known clear space (LaValle, 1998), and the roadmap that grows like one."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.jit import njit
-from common.mapping.belief import Belief
+from common.mapping.cell_grid import CellGrid
 from common.mapping.raycast import SUBCELLS
 from common.mapping.sight import CLEAR, FREE, blocker
 from common.planners.visibility import metres, subcells
@@ -98,13 +98,13 @@ class Tree:
         self.depths = np.append(self.depths, np.zeros(len(points)))
 
     def extend(
-        self, belief: Belief, samples: NDArray[np.float64], *, capacity: int, step: float, spread: float
+        self, clear: CellGrid, samples: NDArray[np.float64], *, capacity: int, step: float, spread: float
     ) -> None:
-        """Extend the tree towards samples through known free cells.
+        """Extend the tree towards samples through cells that are clear.
 
         Args:
-            belief: what the robot knows.
-            samples: metres, inside the belief's grid, shape (n, 2).
+            clear: where the robot fits, see `Mapper.clear`.
+            samples: metres, inside the grid, shape (n, 2).
             capacity: nodes at most.
             step: longest edge, metres.
             spread: least distance between nodes, metres.
@@ -114,11 +114,11 @@ class Tree:
         points = np.empty((capacity, 2), dtype=np.int64)
         parents = np.full(capacity, -1, dtype=np.int64)
         depths = np.zeros(capacity)
-        scale = SUBCELLS / belief.resolution
-        points[:count] = subcells(belief, self.points)
+        scale = SUBCELLS / clear.resolution
+        points[:count] = subcells(clear, self.points)
         parents[:count] = self.parents
         depths[:count] = self.depths * scale
-        padded = belief.padded
+        padded = clear.padded
         size = _extend(
             padded.reshape(-1),
             padded.shape[1],
@@ -126,12 +126,12 @@ class Tree:
             parents,
             depths,
             count,
-            subcells(belief, samples),
+            subcells(clear, samples),
             step * scale,
             spread * scale,
         )
         # Nodes that were there keep their exact place.
-        self.points = np.vstack([self.points, metres(belief, points[count:size])])
+        self.points = np.vstack([self.points, metres(clear, points[count:size])])
         self.parents = parents[:size]
         self.depths = np.append(self.depths, depths[count:size] / scale)
 
@@ -144,12 +144,12 @@ class Tree:
         return nodes[::-1]
 
 
-def free_box(belief: Belief) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Return the lower left and upper right corner of the box around all free cells, metres; None without any."""
-    free = belief.cells == FREE
+def free_box(clear: CellGrid) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return the lower left and upper right corner of the box around all clear cells, metres; None without any."""
+    free = clear.padded[1:-1, 1:-1] == FREE
     rows, columns = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
     if not len(rows):
         return None
-    low = np.array([columns[0], rows[0]]) * belief.resolution + np.array(belief.origin)
-    high = np.array([columns[-1] + 1, rows[-1] + 1]) * belief.resolution + np.array(belief.origin)
-    return low, high - 1e-6 * belief.resolution
+    low = np.array([columns[0], rows[0]]) * clear.resolution + np.array(clear.origin)
+    high = np.array([columns[-1] + 1, rows[-1] + 1]) * clear.resolution + np.array(clear.origin)
+    return low, high - 1e-6 * clear.resolution

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -13,9 +14,9 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Plan, Position, Status, TaskName
-from common.planners.lattice import check_task
+from common.planners.lattice import check_task, next_leg
 from common.planners.rrt import free_box
-from common.planners.visibility import unknown_in_sight
+from common.planners.visibility import at_ease, unknown_in_sight
 
 # Edges are this much shorter than the longest waypoint, so that rounding cannot make one too far.
 MARGIN: Final = 1.0 - 1e-5
@@ -26,7 +27,7 @@ Corner = NDArray[np.float64]
 
 
 class SamplingPlanner(ABC):
-    """An exploration planner on random places in known free space, which go where unknown area can be seen.
+    """An exploration planner on random places in known clear space, which go where unknown area can be seen.
 
     A place gains nothing when the robot was next to it since it last learned of any cell: the scan from there told
     nothing, and would tell the same again. No publication says so; without it a robot whose sensor cannot resolve what
@@ -64,14 +65,29 @@ class SamplingPlanner(ABC):
 
     def plan(self, mapper: Mapper, pose: Pose) -> Plan:
         """Decide; the mapper has taken in the newest scan and was updated at this pose."""
-        box = free_box(mapper.belief)
-        if box is None or not mapper.segment_free(pose.position, pose.position):
+        if not mapper.segment_free(pose.position, pose.position):
             return Plan(Status.STUCK, reason="the robot does not stand in a cell that is known to be free")
+        box = free_box(mapper.clear)
+        if box is None or not at_ease(mapper.clear, np.array([pose.position]))[0]:
+            return self._leave_margin(mapper, pose)
         if mapper.belief.known_cells != self._known_cells:
             self._known_cells = mapper.belief.known_cells
             self._barren.clear()
         self._barren.append(pose.position)
         return self.decide(mapper, pose, *box)
+
+    def _leave_margin(self, mapper: Mapper, pose: Pose) -> Plan:
+        """Lead a robot that stands too near to obstacles for straight lines to the nearest viewpoint where it may."""
+        if not mapper.stuck:
+            distances = mapper.distances(mapper.robot)[: len(mapper.viewpoints)]
+            distances[~at_ease(mapper.clear, mapper.viewpoints)] = np.inf
+            goal = int(np.argmin(distances))
+            if np.isfinite(distances[goal]):
+                route = mapper.path(mapper.robot, goal)
+                plan = next_leg(mapper, pose, route, self.config.viewpoint_spacing)
+                if plan.waypoint is not None:
+                    return replace(plan, beacon=mapper.position(goal))
+        return Plan(Status.STUCK, reason="no place with room for straight lines can be reached from the robot")
 
     @abstractmethod
     def begin(self) -> None:
@@ -79,7 +95,7 @@ class SamplingPlanner(ABC):
 
     @abstractmethod
     def decide(self, mapper: Mapper, pose: Pose, low: Corner, high: Corner) -> Plan:
-        """Decide; all free cells lie between two corners, metres, and the robot stands in one."""
+        """Decide; all clear cells lie between two corners, metres, and the robot stands in one."""
 
     def gains(self, mapper: Mapper, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the unknown area that each place sees, square metres; places in metres, shape (n, 2)."""

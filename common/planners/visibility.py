@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from common.jit import njit
 from common.mapping.belief import Belief
+from common.mapping.cell_grid import CellGrid
 from common.mapping.mapper import Mapper
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 from common.mapping.sight import CLEAR, FREE, OCCUPIED, OUTSIDE, blocker
@@ -17,15 +18,30 @@ from common.mapping.sight import CLEAR, FREE, OCCUPIED, OUTSIDE, blocker
 GAIN_RAYS: Final = 90
 
 
-def subcells(belief: Belief, positions: NDArray[np.float64]) -> NDArray[np.int64]:
+def subcells(belief: CellGrid, positions: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return positions, metres, shape (n, 2), in subcells of the padded grid (see `common.mapping.sight`)."""
     cells = (positions - np.array(belief.origin)) / belief.resolution + 1.0
     return np.rint(cells * SUBCELLS).astype(np.int64)
 
 
-def metres(belief: Belief, points: NDArray[np.int64]) -> NDArray[np.float64]:
+def metres(belief: CellGrid, points: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return points in subcells of the padded grid, shape (n, 2), in metres: the reverse of `subcells`."""
     return (points / SUBCELLS - 1.0) * belief.resolution + np.array(belief.origin)
+
+
+@njit(cache=True, nogil=True)
+def _at_ease(cells: NDArray[np.int8], width: int, points: NDArray[np.int64]) -> NDArray[np.bool_]:
+    free = np.empty(len(points), dtype=np.bool_)
+    for k in range(len(points)):
+        x, y = points[k, 0], points[k, 1]
+        free[k] = blocker(cells, width, x, y, x, y) == CLEAR
+    return free
+
+
+def at_ease(clear: CellGrid, positions: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return at which positions, metres, shape (n, 2), straight lines may begin: they touch only clear cells, bool."""
+    padded = clear.padded
+    return np.asarray(_at_ease(padded.reshape(-1), padded.shape[1], subcells(clear, positions)))
 
 
 @njit(cache=True, nogil=True)

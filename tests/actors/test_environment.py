@@ -37,15 +37,17 @@ BRANCHES = draw(
 )
 
 
-def environment(world_task="exploration", *, max_steps=64, reward=None, expert=True, simulator=None, **task):
+def environment(
+    world_task="exploration", *, max_steps=64, reward=None, expert=True, simulator=None, mapping=MAPPING, **task
+):
     config = TaskConfig(name=world_task, max_steps=max_steps, **{"unseen_area": 1.0, **task})
     return Environment(
-        simulator or GridSimulator(SimulatorConfig(name="grid", rays=720), MAPPING.sensor_range),
-        MAPPING,
+        simulator or GridSimulator(SimulatorConfig(name="grid", rays=720), mapping.sensor_range),
+        mapping,
         make_task(config),
         reward or RewardConfig(),
         max_steps,
-        make_expert(config, MAPPING) if expert else None,
+        make_expert(config, mapping) if expert else None,
     )
 
 
@@ -132,10 +134,18 @@ def test_a_start_beside_the_lattice_drives_to_its_viewpoint_first():
     assert env.mapper.position(observation.robot) == pytest.approx((1.5, 1.5))
 
 
-def test_a_start_without_any_viewpoint_is_an_error():
+def test_a_start_far_from_every_lattice_point_has_a_viewpoint_of_its_own():
+    env = environment()
+    env.reset(draw("####", "#S.#", "####", lattice=(10.0, 10.0)), seed=0)
+    assert len(env.mapper.viewpoints) == 1
+    assert env.success
+
+
+def test_a_start_where_the_robot_does_not_fit_is_an_error():
     world = draw("####", "#S.#", "####", lattice=(10.0, 10.0))
-    with pytest.raises(MapError, match="viewpoint"):
-        environment().reset(world, seed=0)
+    env = environment(mapping=MAPPING.model_copy(update={"robot_radius": 0.6}))
+    with pytest.raises(MapError, match="does not fit"):
+        env.reset(world, seed=0)
 
 
 class ClosingDoor(GridSimulator):

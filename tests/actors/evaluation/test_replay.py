@@ -78,4 +78,4 @@ def test_a_leap_a_wall_and_a_wrong_start_are_found(recorded):
 def test_driving_on_after_the_end_is_found(recorded):
     route = recorded.episodes[0].waypoints
     problems = recount(recorded, changed(recorded, waypoints=[*route, route[-2]]), WORLD, SETTINGS).problems
-    assert any("complete at step" in problem for problem in problems)
+    assert any("complete at waypoint" in problem for problem in problems)

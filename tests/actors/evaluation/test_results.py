@@ -14,7 +14,8 @@ def test_a_results_file_has_the_published_format_and_reads_back(tmp_path):
         "task", "metres_per_pixel", "sensor_range_m", "units", "planner", "commit", "seed", "episodes",
     ]  # fmt: skip
     assert list(data["episodes"][0]) == [
-        "map", "waypoints", "distance_m", "steps", "success", "explored_rate", "decision_ms",
+        "map", "waypoints", "distance_m", "steps", "success", "explored_rate", "decision_ms", "corners",
+        "reason", "unseen_m2",
     ]  # fmt: skip
     assert data["units"] == "px"
     assert data["episodes"][1]["waypoints"] == [[0.0, 0.0], [80.0, 0.0]]

@@ -33,6 +33,7 @@ class Piece:
     centred: bool
     waits: bool
     visited: bool = False
+    lookout: bool = False
     touching: list[Piece] = field(default_factory=list)
 
     @property
@@ -286,20 +287,95 @@ class ReferenceMapper:
 
         return middle(min(cells, key=rank))
 
-    def piece_of(self, point: Point) -> Piece | None:
-        """The piece that holds a point, else that of the nearest clear cell in sight half a metre beyond the radius."""
-        cell = cell_of(point)
+    @property
+    def clear_reach(self) -> int:
+        """How far beside clear space a robot or a frontier may be, cells."""
+        return ceil((self.config.robot_radius + 0.5) / self.config.resolution)
+
+    def cell_for(self, point: Point) -> Cell | None:
+        """The clear cell that stands for a point: the one that holds it, else the nearest that it can be driven to.
+
+        A point on a border belongs to the lower cell. The straight line to the nearest cell is free; those are
+        preferred to which it comes no nearer to anything that is not free than the point is.
+        """
+        cell = cell_of((point[0] - 1, point[1] - 1))
         if cell in self.piece_at:
-            return self.piece_at[cell]
-        reach = ceil((self.config.robot_radius + 0.5) / self.config.resolution)
-        rows, columns = (range(number - reach, number + reach + 1) for number in cell)
-        found = [
-            ((x - point[0]) ** 2 + (y - point[1]) ** 2, there)
-            for there in ((row, column) for row in rows for column in columns)
-            for x, y in [middle(there)]
-            if there in self.passable and self.sees(point, (x, y))
+            return cell
+        reach = self.clear_reach
+        row, column = cell_of(point)
+        around = [
+            (there_row, there_column)
+            for there_row in range(row - reach, row + reach + 1)
+            for there_column in range(column - reach, column + reach + 1)
         ]
-        return self.piece_at[min(found)[1]] if found else None
+        seen = [cell for cell in around if cell in self.passable and self.sees(point, middle(cell))]
+        if not seen:
+            return None
+        before = self.space_around(point, point, reach)
+
+        def rank(cell: Cell) -> tuple[bool, int, Cell]:
+            x, y = middle(cell)
+            nearer = self.space_around(point, (x, y), reach) < before - 1e-4
+            return nearer, (x - point[0]) ** 2 + (y - point[1]) ** 2, cell
+
+        return min(seen, key=rank)
+
+    def space_around(self, a: Point, b: Point, most: float) -> float:
+        """Distance of a segment from the nearest cell that is not free, cells, at most ``most``."""
+        (row, column), span = cell_of(a), 2 * ceil(most) + 2
+        blocked = [
+            (there_column, there_row)
+            for there_row in range(row - span, row + span + 1)
+            for there_column in range(column - span, column + span + 1)
+            if not self.free((there_row, there_column))
+        ]
+        if not blocked:
+            return most
+        low = np.array(blocked, dtype=float)
+        start, end = np.array(a) / UNIT, np.array(b) / UNIT
+
+        def gap(part: np.ndarray) -> np.ndarray:
+            point = start + part[:, None] * (end - start)
+            return np.hypot(*np.maximum(np.maximum(low - point, point - low - 1.0), 0.0).T)
+
+        # The distance of a point on a line from a convex body has one minimum: part the segment until it is found.
+        left, right = np.zeros(len(low)), np.ones(len(low))
+        for _ in range(60):
+            third = (right - left) / 3
+            nearer = gap(left + third) < gap(right - third)
+            right = np.where(nearer, right - third, right)
+            left = np.where(nearer, left, left + third)
+        return min(float(gap((left + right) / 2).min()), most)
+
+    def piece_of(self, point: Point) -> Piece | None:
+        cell = self.cell_for(point)
+        return None if cell is None else self.piece_at[cell]
+
+    def _move_to_lookouts(self) -> None:
+        """Let the viewpoint of each piece stand at the clear cell that is nearest to a frontier, unless that is known.
+
+        A frontier belongs to the nearest clear cell that sees it.
+        """
+        reach, known = self.clear_reach, max(round(0.3 / self.config.resolution), 1)
+        nearest: dict[Piece, tuple[int, Cell]] = {}
+        for frontier in self.all_frontiers:
+            row, column = frontier
+            near = [
+                (up**2 + right**2, (row + up, column + right))
+                for up in range(-reach, reach + 1)
+                for right in range(-reach, reach + 1)
+                if (row + up, column + right) in self.passable
+                and self.sees(middle(frontier), middle((row + up, column + right)))
+            ]
+            if not near:
+                continue
+            best = min(near)
+            if any(max(abs(best[1][k] - cell[k]) for k in (0, 1)) <= known for cell in self.been):
+                continue
+            piece = self.piece_at[best[1]]
+            nearest[piece] = min(nearest.get(piece, best), best)
+        for piece, (_, cell) in nearest.items():
+            piece.place, piece.lookout = middle(cell), True
 
     # -------------------------------------------------------------------------------------------------- observation
 
@@ -316,35 +392,39 @@ class ReferenceMapper:
         ):
             self.robot.visited = True
             self.been.add(cell_of(self.robot.place))
-        self.needed = [
+        self.viewpoints = [
             piece
             for piece in self.pieces
             if not piece.waits or piece.visited or piece is self.robot or any(p.visited for p in piece.touching)
         ]
-        self._count(self.needed)
-        self.needed_counts = self.counts
+        self._count()
         if self.robot is None:
             return
-        self._connect(self.needed)
-        self.everywhere = not any(
+        self._connect()
+        self.nothing_left = not any(
             self.counts[piece] >= self.config.least_utility and not piece.visited for piece in self.nodes
         )
-        if self.everywhere:
-            self._count(self.pieces)
-            self._connect(self.pieces)
+        if self.nothing_left:
+            self.been.add(self.cell_for(here))
+            self.robot.visited = True
+            self._move_to_lookouts()
+            self.viewpoints = self.pieces
+            self._count()
+            self._connect()
         self._observe()
 
-    def _count(self, viewpoints: list[Piece]) -> None:
+    def _count(self) -> None:
         """The frontiers that viewpoints observe."""
         centres = [middle(cell) for cell in self.all_frontiers]
         reach = self.config.observable_range
         self.counts = {
             piece: sum(self.within(piece.place, f, reach) and self.sees(piece.place, f) for f in centres)
-            for piece in viewpoints
+            for piece in self.viewpoints
         }
 
-    def _connect(self, viewpoints: list[Piece]) -> None:
-        """Straight edges and bent ones of some viewpoints, and those that they connect with the robot's."""
+    def _connect(self) -> None:
+        """Straight edges and bent ones, and the viewpoints that they connect with the robot's."""
+        viewpoints = self.viewpoints
         longest = sqrt(5) * self.config.viewpoint_spacing + 1e-4 * self.config.resolution
         self.straight = {
             (a, b)

@@ -1,14 +1,22 @@
-"""Ways along edges and to the target."""
+"""Ways along edges, to the robot's viewpoint and to the target: a disc of the robot's radius can follow them."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from actors.maps.connectivity import reachable
+from common.config.schema import MappingConfig
 from common.errors import MappingError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
-from tests.common.mapping.worlds import see_all, small_config
+from tests.common.mapping.worlds import random_world, see_all, small_config
+from tests.plans import clear_cells
+
+Position = tuple[float, float]
+SETTINGS = settings(max_examples=25, deadline=None, derandomize=True)
 
 
 def test_there_is_no_way_to_the_target_from_a_viewpoint_without_a_link_to_it():
@@ -22,3 +30,134 @@ def test_there_is_no_way_to_the_target_from_a_viewpoint_without_a_link_to_it():
         mapper.way(mapper.robot, target)
     path = mapper.path(mapper.robot, target)
     assert mapper.way(path[-2], target) == [(9.3, 2.9)]
+
+
+def mapper_on(free: np.ndarray, config: MappingConfig, rng: np.random.Generator) -> Mapper:
+    """A mapper whose cells are those of a world, and whose lattice lies anywhere."""
+    rows, columns = free.shape
+    return Mapper(
+        config,
+        lattice_origin=tuple(rng.uniform(0.0, config.viewpoint_spacing, 2).tolist()),
+        bounds=(0.0, 0.0, columns * config.resolution, rows * config.resolution),
+    )
+
+
+def space_along(free: np.ndarray, resolution: float, a: Position, b: Position, most: float) -> float:
+    """Distance of a segment from what is not free, metres, at most so much: at points a twentieth of a cell apart."""
+    count = int(np.hypot(b[0] - a[0], b[1] - a[1]) / resolution * 20) + 2
+    points = np.linspace(a, b, count) / resolution
+    padded = np.pad(free, 1)
+    columns, rows = (points - most / resolution).min(axis=0), (points + most / resolution).max(axis=0)
+    left, bottom = (max(int(np.floor(v)) + 1, 0) for v in columns)
+    right, top = (int(np.floor(v)) + 2 for v in rows)
+    blocked = np.argwhere(~padded[bottom : top + 1, left : right + 1]) + np.array([bottom - 1, left - 1])
+    if not len(blocked):
+        return most
+    low = blocked[:, ::-1].astype(float)
+    gaps = np.maximum(np.maximum(low - points[:, None], points[:, None] - low - 1.0), 0.0)
+    return min(float(np.hypot(gaps[..., 0], gaps[..., 1]).min()) * resolution, most)
+
+
+def legs_of(start: Position, way: list[Position]) -> list[tuple[Position, Position]]:
+    return list(zip([start, *way[:-1]], way, strict=True))
+
+
+@SETTINGS
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    resolution=st.sampled_from([0.05, 0.1, 0.2, 0.25]),
+    spacing=st.sampled_from([1.0, 1.7, 3.0]),
+    radius=st.sampled_from([0.0, 0.1, 0.25, 0.5]),
+)
+def test_every_edge_can_be_driven_both_ways(seed, resolution, spacing, radius):
+    rng = np.random.default_rng(seed)
+    free = random_world(rng, 40, 50)
+    config = MappingConfig(resolution=resolution, sensor_range=5.0, viewpoint_spacing=spacing, robot_radius=radius)
+    mapper = mapper_on(free, config, rng)
+    clear = np.argwhere(clear_cells(free, radius, resolution))
+    if not len(clear):
+        return
+    row, column = rng.choice(clear)
+    see_all(mapper, free, Pose((column + 0.5) * resolution, (row + 0.5) * resolution))
+    adjacency = mapper.adjacency
+    for a in range(len(mapper.viewpoints)):
+        for k in range(adjacency.pointer[a], adjacency.pointer[a + 1]):
+            b = int(adjacency.neighbours[k])
+            if b < a:
+                continue
+            way, back = mapper.way(a, b), mapper.way(b, a)
+            assert (way[-1], back[-1]) == (mapper.position(b), mapper.position(a))
+            assert way[:-1] == back[:-1][::-1]
+            assert len(way) == 1 or adjacency.bent[k]
+            legs = legs_of(mapper.position(a), way)
+            length = sum(float(np.hypot(q[0] - p[0], q[1] - p[1])) for p, q in legs)
+            assert length == pytest.approx(adjacency.lengths[k], abs=1e-3 * resolution)
+            for p, q in legs:
+                assert mapper.segment_free(p, q) and mapper.segment_free(q, p)
+                if adjacency.bent[k] or rng.random() < 0.1:
+                    assert space_along(free, resolution, p, q, radius + resolution) >= radius - 1e-3 * resolution
+
+
+@SETTINGS
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    resolution=st.sampled_from([0.05, 0.1, 0.2, 0.25]),
+    spacing=st.sampled_from([1.0, 1.7, 3.0]),
+    radius=st.sampled_from([0.0, 0.1, 0.25, 0.5]),
+)
+def test_the_way_home_can_be_driven_from_wherever_the_robot_is(seed, resolution, spacing, radius):
+    """Also from beside clear space, where the robot is nearer to a wall than it should be, if there is such a way."""
+    rng = np.random.default_rng(seed)
+    free = random_world(rng, 40, 50)
+    config = MappingConfig(resolution=resolution, sensor_range=5.0, viewpoint_spacing=spacing, robot_radius=radius)
+    mapper = mapper_on(free, config, rng)
+    see_all(mapper, free, Pose(1.0, 1.0))
+    clear = clear_cells(free, radius, resolution)
+    middles = (np.argwhere(clear)[:, ::-1] + 0.5) * resolution
+    for row, column in rng.permutation(np.argwhere(free))[:60]:
+        x, y = (float(number + part) * resolution for number, part in zip((column, row), rng.random(2), strict=True))
+        mapper.update(Pose(x, y))
+        if mapper.stuck:
+            continue
+        way = mapper.way_home()
+        assert way[-1] == mapper.position(mapper.robot)
+        first, *others = legs_of((x, y), way)
+        assert all(mapper.segment_free(*leg) for leg in others)
+        if not mapper.segment_free(*first):
+            near = middles[np.abs(middles - (x, y)).max(axis=1) <= radius + 0.5]
+            assert not clear[row, column]
+            assert not any(mapper.segment_free((x, y), tuple(middle)) for middle in near)
+
+
+@SETTINGS
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    resolution=st.sampled_from([0.05, 0.1, 0.15, 0.25]),
+    spacing=st.sampled_from([1.0, 1.5, 2.0, 4.0, 6.0]),
+    radius=st.sampled_from([0.0, 0.1, 0.2, 0.25, 0.35, 0.5]),
+    excess=st.integers(-3, 4),
+)
+def test_the_graph_leads_through_a_door_just_when_the_robot_fits_through(seed, resolution, spacing, radius, excess):
+    """Two rooms, and a door whose width is twice the radius and a few cells."""
+    rng = np.random.default_rng(seed)
+    config = MappingConfig(resolution=resolution, sensor_range=5.0, viewpoint_spacing=spacing, robot_radius=radius)
+    rows, columns, thick = (int(v / resolution) for v in (3.0 + rng.uniform(0, 2), 6.0 + rng.uniform(0, 4), 0.3))
+    free = np.zeros((rows, columns), dtype=np.bool_)
+    free[1:-1, 1:-1] = True
+    wall = columns // 2
+    free[:, wall : wall + thick] = False
+    width = max(round(2 * radius / resolution) + excess, 1)
+    bottom = int(rng.integers(1, rows - 1 - width))
+    free[bottom : bottom + width, wall : wall + thick] = True
+    free = free.T if rng.random() < 0.5 else free
+    mapper = mapper_on(free, config, rng)
+    clear = clear_cells(free, radius, resolution)
+    start = tuple(rng.choice(np.argwhere(clear)).tolist())
+    see_all(mapper, free, Pose((start[1] + 0.5) * resolution, (start[0] + 0.5) * resolution))
+    cells = np.argwhere(clear)
+    nodes = mapper.nodes_at((cells[:, ::-1] + 0.5) * resolution)
+    reached = reachable(clear, start)[cells[:, 0], cells[:, 1]]
+    np.testing.assert_array_equal(nodes >= 0, reached)
+    # Every viewpoint stands for some of them.
+    assert set(nodes[reached].tolist()) == set(range(len(mapper.viewpoints)))
+    assert np.isfinite(mapper.distances(mapper.robot)).all()

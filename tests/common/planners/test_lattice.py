@@ -92,10 +92,12 @@ def test_robot_that_cannot_move_is_told_the_end(planner: NearestPlanner | Greedy
 def test_scanned_viewpoints_are_remembered_by_place() -> None:
     mapper, pose = looked(ARMS)
     scanned = ScannedViewpoints(CONFIG.viewpoint_spacing)
+    useful = np.flatnonzero(mapper.observe().utility)
+    assert mapper.robot in useful
     scanned.note(mapper, Pose(pose.x + 1.5, pose.y))
-    assert not scanned.mask(mapper.viewpoints).any()
+    assert scanned.candidates(mapper).tolist() == useful.tolist()
     scanned.note(mapper, Pose(pose.x + 0.5, pose.y))
-    assert np.flatnonzero(scanned.mask(mapper.viewpoints)).tolist() == [mapper.robot]
+    assert scanned.candidates(mapper).tolist() == [node for node in useful.tolist() if node != mapper.robot]
 
 
 def test_lead_to_its_own_viewpoint() -> None:
