@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -105,7 +105,6 @@ class Environment:
         reward: RewardConfig,
         max_steps: int,
         expert: Expert | None = None,
-        mapper: Callable[..., Mapper] = Mapper,
     ) -> None:
         """Put the parts together.
 
@@ -116,7 +115,6 @@ class Environment:
             reward: the potential kind needs an ``expert``.
             max_steps: decisions before the episode is truncated.
             expert: privileged expert for labels and for the potential reward.
-            mapper: makes the robot's mapping, called as `Mapper` is.
 
         Raises:
             ConfigError: the potential reward without an expert.
@@ -129,7 +127,6 @@ class Environment:
         self._reward = reward
         self._max_steps = max_steps
         self._expert = expert
-        self._make_mapper = mapper
         self.end = End.TRUNCATED
         self.reason = ""
         self.corners: list[int] = []
@@ -164,7 +161,7 @@ class Environment:
         self.positions = [self.pose.position]
         self.corners = []
         width, height = world.size
-        self.mapper = self._make_mapper(
+        self.mapper = Mapper(
             self._mapping,
             lattice_origin=world.lattice_origin,
             bounds=(*world.origin, world.origin[0] + width, world.origin[1] + height),

@@ -47,19 +47,19 @@ class Oversight:
         self._loops = LoopDetector()
         self._spacing = config.mapping.viewpoint_spacing
         self._radius = config.mapping.robot_radius
-        # The edge of a frontier that the robot is on its way to, those where it was, and viewpoints where it was with
-        # something left to see.
+        # Viewpoints where the robot was with something left to see; the edge of a frontier that it is on its way to,
+        # and those where it was.
+        self._visited: list[Position] = []
         self._edge: Position | None = None
         self._looked_from: list[Position] = []
-        self._decided_at: list[Position] = []
 
     def begin(self, target: Position | None, now: float) -> None:
         """Begin an episode: forget everything."""
         self.target = target
         self._blacklist.clear()
+        self._visited.clear()
         self._edge = None
         self._looked_from.clear()
-        self._decided_at.clear()
         self._loops.reset()
         self._progress.reset(now)
 
@@ -106,8 +106,8 @@ class Oversight:
     def second_look(self, mapper: Mapper, place: Pose, plan: Plan, now: float) -> Plan:
         """Look for what a planner overlooks that says that nothing is left; else return its plan as it is.
 
-        In an exploration that is a viewpoint with something to see where the robot was not, then a frontier that no
-        viewpoint resolves; for a target, a way that only bans close.
+        In an exploration that is a viewpoint with something to see where the robot was not, then the edge of a frontier
+        that no viewpoint resolves; for a target, a way that only bans close.
         """
         if mapper.stuck:
             return plan
@@ -122,21 +122,24 @@ class Oversight:
     def look_around(self, mapper: Mapper, place: Pose, now: float) -> Plan | None:
         """On a second visit to a viewpoint, go to the edge of a frontier near by that it sees and does not resolve.
 
-        Planners know one place for a piece of space. Without this one that is drawn to such a frontier comes again and
-        again, or gives it up.
+        The graph has one place for a piece of space, and offers another one only when nothing else is left. Without
+        this a planner that is drawn to such a frontier comes again and again.
 
         Args:
             mapper: updated at the place.
             place: of the robot, on its waypoint.
             now: seconds.
+
+        Returns:
+            None where there is no such frontier.
         """
         if self.target is not None or mapper.stuck:
             return None
         viewpoint = mapper.position(mapper.robot)
         if place.distance_to(viewpoint) > _LOOKED_AT or mapper.observe().utility[mapper.robot] == 0:
             return None
-        if all(gap(viewpoint, other) > _LOOKED_AT for other in self._decided_at):
-            self._decided_at.append(viewpoint)
+        if all(gap(viewpoint, other) > _LOOKED_AT for other in self._visited):
+            self._visited.append(viewpoint)
             return None
         return self._to_edge(mapper, place, now, _NEAR * self._spacing)
 

@@ -3,6 +3,8 @@ import pytest
 
 from common.config.schema import MappingConfig, NetworkConfig
 from common.errors import CheckpointError, ConfigError
+from common.geometry import Pose
+from common.mapping.mapper import Mapper
 from common.network.parameters import initial_parameters
 from common.planners.base import Status, mapping_for
 from common.planners.learned import LearnedPlanner
@@ -115,23 +117,41 @@ def test_the_rule_against_cycles_leads_an_untrained_navigator_to_its_target(tmp_
     assert bare.complete or planner.rule_applied > 0
 
 
-def test_between_closer_viewpoints_it_decides_as_on_the_lattice_of_its_training(policy):
-    close = CONFIG.model_copy(update={"viewpoint_spacing": 1.0})
-    planner = LearnedPlanner(close, policy=policy)
-    # `explore` checks every waypoint: known free, in sight, one edge of the closer lattice long.
-    episode = explore(planner, WORLD, close, max_steps=80, rays=360)
-    assert episode.complete
-    decisions = {plan.beacon for plan in episode.plans}
-    assert len(decisions) < episode.steps / 2
-    choices = planner.attention.waypoints
-    assert len(choices) > 1
-    # What it chooses from is as far as edges were in training: up to sqrt(5) of four metres.
-    assert max(np.hypot(*(choices - choices.mean(axis=0)).T)) > 2.5
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (
+            {"sensor_range": 10.0},
+            "viewpoints 2 m apart at a sensor range of 10 m (here 4 m: set mapping.viewpoint_spacing=2)",
+        ),
+        ({"viewpoint_spacing": 1.0}, "viewpoints 4 m apart at a sensor range of 20 m (here 1 m: set"),
+        ({"viewpoint_spacing": 4.5}, ""),
+        ({"robot_radius": 0.3}, ""),
+    ],
+)
+def test_viewpoints_that_are_not_as_in_training_are_warned_of(policy, caplog, given, words):
+    LearnedPlanner(MappingConfig(resolution=0.5, **given), policy=policy)
+    assert words in caplog.text
+    assert bool(words) == bool(caplog.text)
 
 
-def test_viewpoints_too_far_apart_for_the_sensor_are_warned_of(policy, caplog):
-    LearnedPlanner(MappingConfig(resolution=0.5, sensor_range=10.0), policy=policy)
-    assert "viewpoints as if 2 m apart at this range (here 4 m)" in caplog.text
-    caplog.clear()
-    LearnedPlanner(MappingConfig(resolution=0.5, viewpoint_spacing=1.0), policy=policy)
-    assert not caplog.text
+def test_a_robot_whose_viewpoint_is_the_only_one_drives_onto_it_before_it_gives_up(policy):
+    """A single wide square: what is left is seen from its one viewpoint or not at all."""
+    config = CONFIG.model_copy(update={"viewpoint_spacing": 12.0, "sensor_range": 3.0})
+    mapper = Mapper(config, lattice_origin=(6.0, 6.0))
+    cells = np.full((24, 24), 0, dtype=np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    cells[10:14, -1] = -1
+    mapper.belief.assign(cells, (0.0, 0.0))
+    planner = LearnedPlanner(config, policy=policy)
+    pose = Pose(9.5, 9.5)
+    mapper.update(pose)
+    assert len(mapper.viewpoints) == 1
+    assert mapper.observe().utility.any() or not len(mapper.frontiers)
+    plan = planner.plan(mapper, pose)
+    while plan.status is Status.GOING:
+        pose = Pose(*plan.waypoint)
+        mapper.update(pose)
+        assert len(mapper.viewpoints) == 1
+        plan = planner.plan(mapper, pose)
+    assert plan.status is Status.COMPLETE

@@ -16,7 +16,9 @@ MAPPING = {"resolution": 0.25, "viewpoint_spacing": 2.0, "sensor_range": 10.0, "
 @pytest.mark.timeout(180)
 def test_it_drives_by_velocities_and_a_pause_is_zero_velocity():
     router, config = network(
-        mapping=MAPPING, driving={"enabled": True, "robot_radius": 0.2}, topics={"stop": "", "velocity": "/cmd_vel"}
+        mapping={**MAPPING, "robot_radius": 0.2},
+        driving={"enabled": True, "robot_radius": 0.2},
+        topics={"stop": "", "velocity": "/cmd_vel"},
     )
     stop = threading.Event()
     with FakeRobot(DEAD_END, router, by_velocity=True) as robot, Bridge(config) as bridge:
