@@ -149,6 +149,8 @@ def test_positions_that_make_no_sense_are_refused_and_change_nothing(junk):
     for target in ((junk, 1.0), (1.0, junk)):
         with pytest.raises(MappingError, match="target must be finite and within 1000 km of"):
             Mapper(config, lattice_origin=(0.0, 0.0), target=target)
+        with pytest.raises(MappingError, match="target must be finite and within 1000 km of"):
+            pair.mapper.target = target
         with pytest.raises(MappingError, match="pose must be finite and within 1000 km of"):
             pair.mapper.update(Pose(*target))
         with pytest.raises(MappingError):
