@@ -159,34 +159,34 @@ def _sightings(
     slot_corner: NDArray[np.int32],
     states: NDArray[np.int32],
     side: int,
-    columns: int,
+    counts: NDArray[np.int32],
     frontiers: NDArray[np.int64],
     numbers: NDArray[np.int32],
     nodes: int,
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """List the pairs in sight by node; see `FrontierUtility.sightings`."""
+    columns = counts.shape[1]
     pointer = np.zeros(nodes + 1, dtype=np.int64)
-    for f in range(len(frontiers)):
-        slot = slots[frontiers[f]]
-        first = slot_corner[slot, 0] * columns + slot_corner[slot, 1]
-        for k in range(side * side):
-            if states[slot, k] == IN_SIGHT:
-                node = numbers[first + k // side * columns + k % side]
-                if node >= 0:
-                    pointer[node + 1] += 1
+    for point in range(len(numbers)):
+        if numbers[point] >= 0:
+            pointer[numbers[point] + 1] = counts[point // columns, point % columns]
     for node in range(nodes):
         pointer[node + 1] += pointer[node]
     place = pointer[:nodes].copy()
     seen = np.empty(pointer[nodes], dtype=np.int32)
     for f in range(len(frontiers)):
         slot = slots[frontiers[f]]
-        first = slot_corner[slot, 0] * columns + slot_corner[slot, 1]
-        for k in range(side * side):
-            if states[slot, k] == IN_SIGHT:
-                node = numbers[first + k // side * columns + k % side]
-                if node >= 0:
-                    seen[place[node]] = f
-                    place[node] += 1
+        pairs = states[slot]
+        left = slot_corner[slot, 1]
+        k = 0
+        for j in range(slot_corner[slot, 0], slot_corner[slot, 0] + side):
+            for i in range(left, left + side):
+                if pairs[k] == IN_SIGHT:
+                    node = numbers[j * columns + i]
+                    if node >= 0:
+                        seen[place[node]] = f
+                        place[node] += 1
+                k += 1
     return pointer, seen
 
 
@@ -252,8 +252,9 @@ class FrontierUtility:
             The first entry of each node, int64, shape (nodes + 1,), and the entries: places in `frontiers`,
             ascending for each node, int32.
         """
-        columns = self._graph.exists.shape[1]
-        return _sightings(self._slots, self._slot_corner, self._states, self._side, columns, frontiers, numbers, nodes)
+        return _sightings(
+            self._slots, self._slot_corner, self._states, self._side, self.counts, frontiers, numbers, nodes
+        )
 
     def _reserve(self, slots: int) -> None:
         if slots > len(self._slot_cell):
