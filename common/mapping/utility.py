@@ -190,6 +190,7 @@ def _sightings(
     frontiers: NDArray[np.int64],
     numbers: NDArray[np.int32],
     nodes: int,
+    counts: NDArray[np.int32],
     slots: NDArray[np.int32],
     pair_count: NDArray[np.int32],
     pair_piece: NDArray[np.int32],
@@ -197,12 +198,9 @@ def _sightings(
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """List the pairs in sight by node; see `FrontierUtility.sightings`."""
     pointer = np.zeros(nodes + 1, dtype=np.int64)
-    for f in range(len(frontiers)):
-        slot = slots[frontiers[f]]
-        for k in range(pair_count[slot]):
-            node = numbers[pair_piece[slot, k]]
-            if node >= 0 and pair_state[slot, k] == IN_SIGHT:
-                pointer[node + 1] += 1
+    for piece in range(len(numbers)):
+        if numbers[piece] >= 0:
+            pointer[numbers[piece] + 1] = counts[piece]
     for node in range(nodes):
         pointer[node + 1] += pointer[node]
     place = pointer[:nodes].copy()
@@ -285,7 +283,7 @@ class FrontierUtility:
             ascending for each node, int32.
         """
         pointer, seen = _sightings(
-            frontiers, numbers, nodes, self._slots, self._pair_count, self._pair_piece, self._pair_state
+            frontiers, numbers, nodes, self.counts, self._slots, self._pair_count, self._pair_piece, self._pair_state
         )
         return pointer, seen
 

@@ -25,11 +25,15 @@ from common.tours.sighting import Visibility, add_seen, count_bits, pack_rows, r
 
 # Rounds in which a tour is improved, at most.
 ROUNDS: Final = 6
+# Tours that differ by less are equally long, metres.
+TIE: Final = 0.01
 # Stops of the tour to which a plan shows the way.
 STOPS_AHEAD: Final = 6
 # Rays that measure the unknown area that a viewpoint may show.
 RAYS: Final = 45
 
+# Stands for a view and a gain that were never measured.
+_NEVER: Final = (-1, 0.0)
 _NO_STOPS: Final = np.empty(0, dtype=np.int64)
 # Frontier cells by viewpoint as sparse rows, see `Mapper.sightings`.
 _Rows = tuple[NDArray[np.int64], NDArray[np.int32]]
@@ -108,7 +112,8 @@ class CoveringTourPlanner(LatticePlanner):
         """Begin an episode: forget everything; there is no chance in this planner."""
         super().reset(task, target, seed)
         self._held = HeldTour()
-        self._last: list[Position] = []
+        self._last: list[int] = []
+        self._gains: dict[int, tuple[int, float]] = {}
 
     def choose(
         self, mapper: Mapper, pose: Pose, candidates: NDArray[np.int64], positions: NDArray[np.float64]
@@ -141,18 +146,28 @@ class CoveringTourPlanner(LatticePlanner):
                 tour = _Tour(mapper, rows, labels, viewpoints, wanted, allowed, wanted | extra)
                 stops = tour.solve(self._last, self._detour)
                 if stops:
-                    self._last = [_place(positions[node]) for node in stops]
+                    self._last = _keys(positions[stops])
                     return stops
         return []
 
     def _rewarding(
         self, mapper: Mapper, rows: _Rows, wanted: NDArray[np.bool_], allowed: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """Return which of the allowed viewpoints see wanted cells and could show enough behind them."""
+        """Return which of the allowed viewpoints see wanted cells and could show enough behind them.
+
+        A viewpoint's gain is measured again when the frontier cells that it sees have changed.
+        """
         nodes = np.flatnonzero(allowed & _see_any(rows, wanted))
-        gains = unknown_in_sight(mapper, mapper.viewpoints[nodes], self.config.sensor_range, RAYS)
+        positions = mapper.viewpoints[nodes]
+        keys = _keys(positions)
+        views = _digests(*rows, nodes, np.array(_keys(mapper.frontiers), dtype=np.int64)).tolist()
+        known = self._gains
+        new = [k for k, (key, view) in enumerate(zip(keys, views, strict=True)) if known.get(key, _NEVER)[0] != view]
+        measured = unknown_in_sight(mapper, positions[new], self.config.sensor_range, RAYS)
+        for k, gain in zip(new, measured.tolist(), strict=True):
+            known[keys[k]] = views[k], gain
         worth = np.zeros(len(allowed), dtype=np.bool_)
-        worth[nodes[gains >= self._min_gain]] = True
+        worth[[node for node, key in zip(nodes.tolist(), keys, strict=True) if known[key][1] >= self._min_gain]] = True
         return worth
 
 
@@ -181,8 +196,7 @@ class _Tour:
             also_wanted: frontier cells that are worth such a stop, the wanted ones included.
         """
         robot = mapper.robot
-        edges = mapper.edges
-        around = np.concatenate([edges[edges[:, 0] == robot, 1], edges[edges[:, 1] == robot, 0]])
+        around = mapper.observe().waypoint_nodes()
         member = more_viewpoints & _see_any(rows, also_wanted)
         member[around] = True
         member[robot] = True
@@ -203,16 +217,17 @@ class _Tour:
         self.missing = self._seen_from(self.allowed) & set_of(numbers[wanted], self.sight.tiles)
         self.extra = self._seen_from(self.more) & ~self.missing
 
-    def solve(self, last: list[Position], detour: float) -> list[int]:
+    def solve(self, last: list[int], detour: float) -> list[int]:
         """Return the best neighbour and the stops of the tour from there, as node numbers.
 
         Args:
-            last: positions of the last decision's stops, in order.
+            last: keys of the last decision's stops, in order, see `_keys`.
             detour: metres that a stop for what need not be seen may add.
         """
         if not self.allowed.any():
             return []
-        places = {_place(self.positions[place]): int(place) for place in np.flatnonzero(self.allowed)}
+        viewpoints = np.flatnonzero(self.allowed)
+        places = dict(zip(_keys(self.positions[viewpoints]), viewpoints.tolist(), strict=True))
         kept = np.array([places[each] for each in last if each in places], dtype=np.int64)
         stops = self._cover(_NO_STOPS)
         if len(kept):
@@ -262,7 +277,10 @@ class _Tour:
         prices = price_choices(
             sight.pointer, sight.tile, sight.mask, missing, allowed, self.ways.lengths, stops, choices, 0, orders, sizes
         )
-        best = int(np.argmin(self.ways.lengths[self.start, choices] + prices))
+        legs = self.ways.lengths[self.start, choices]
+        totals = legs + prices
+        # The nearest of equally good ones: the more often the robot looks around, the sooner it knows better.
+        best = int(np.argmin(np.where(totals <= totals.min() + TIE, legs, np.inf)))
         return np.concatenate([choices[best : best + 1], orders[best, : sizes[best]]])
 
     def _length(self, stops: NDArray[np.int64]) -> float:
@@ -297,6 +315,23 @@ def _within(
     return begin, kept[:size]
 
 
+@njit(cache=True, nogil=True)
+def _digests(
+    pointer: NDArray[np.int64], seen: NDArray[np.int32], nodes: NDArray[np.int64], cells: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return a number that tells apart which cells each of some nodes sees; never negative."""
+    digests = np.zeros(len(nodes), dtype=np.int64)
+    for n in range(len(nodes)):
+        digest = np.uint64(0)
+        for k in range(pointer[nodes[n]], pointer[nodes[n] + 1]):
+            # Multiplications by odd constants (SplitMix64) spread the bits; the sum does not depend on the order.
+            word = np.uint64(cells[seen[k]]) * np.uint64(0x9E3779B97F4A7C15)
+            word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+            digest += word ^ (word >> np.uint64(27))
+        digests[n] = np.int64(digest >> np.uint64(1))
+    return digests
+
+
 def _see_any(rows: _Rows, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return which nodes see any of the wanted cells, bool, shape (nodes,)."""
     pointer, seen = rows
@@ -304,6 +339,7 @@ def _see_any(rows: _Rows, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(counts[pointer[1:]] > counts[pointer[:-1]])
 
 
-def _place(position: NDArray[np.float64]) -> Position:
-    """Return a viewpoint's position without the last digits, which may differ between updates."""
-    return round(float(position[0]), 3), round(float(position[1]), 3)
+def _keys(positions: NDArray[np.float64]) -> list[int]:
+    """Return a number for each position that tells places a millimetre apart, whatever the update."""
+    millimetres = np.rint(positions * 1e3).astype(np.int64)
+    return [int(key) for key in (millimetres[:, 0] << 32) + millimetres[:, 1]]
