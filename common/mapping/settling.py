@@ -202,10 +202,13 @@ def choose(
         if not p.alive:
             continue
         exists = not p.waits or p.visited or beside[piece] or piece == robot or everywhere
-        x, y = lookouts[piece]
+        x, y = lookouts[piece, 0], lookouts[piece, 1]
         is_lookout = x >= 0
         if not is_lookout and (exists or p.lookout):
-            x, y = usual_place(cells, layout, pieces, piece, margin)
+            # Nearly all stay where they are; handing all arrays over to find that out is what would take time.
+            x, y = p.x, p.y
+            if p.x < 0 or p.lookout:
+                x, y = usual_place(cells, layout, pieces, piece, margin)
         moves = x >= 0 and (x != p.x or y != p.y)
         if p.exists and (moves or not exists):
             ended[ended_count] = piece
