@@ -171,8 +171,8 @@ class Driver(Closing):
             self._held = ("", "")
             self._gate.resume()
             return
-        if wish.route[0] not in self._route:
-            # Somewhere else, not just further along the old way.
+        if wish.route[0] not in self._route or (self._told_blocked and wish.route != self._route):
+            # Somewhere else, not just further along the old way; or another way after one that was blocked.
             self._planner.reset()
         if wish.route != self._route:
             self._route, self._told_blocked = wish.route, False

@@ -66,6 +66,7 @@ class LocalPlanner:
         self._courses = CourseFinder(self._costmap)
         self._watch = ProgressWatch()
         self._path: PathTracker | None = None
+        self._remaining = 0.0
         self._now = 0.0
         self._turning = False
         self._turn = 0.0
@@ -111,13 +112,17 @@ class LocalPlanner:
         if not path:
             self.reset()
             return self._brake(motion, "there is no path")
-        if self._path is None or self._path.path != tuple(path):
+        another = self._path is None or self._path.path != tuple(path)
+        if self._path is None or another:
             self._path = PathTracker(path)
             self._courses.forget()
         if pose.distance_to(self._path.goal) <= _AT_GOAL:
             self._watch.reset()
             return self._brake(motion, "the end of the path is reached")
         course = self._courses.find(pose.position, self._path, self._lookahead(motion), self._now)
+        if another:
+            self._watch.shift(course.remaining - self._remaining)
+        self._remaining = course.remaining
         remedy = self._watch.update(course.remaining, dt, turning=self._turning)
         command = self._remedy(motion, remedy) if remedy is not Remedy.NONE else self._drive(motion, course)
         if self._watch.blocked:

@@ -55,6 +55,10 @@ class ProgressWatch:
         """Whether there has been no way for long."""
         return self._blocked
 
+    def shift(self, metres: float) -> None:
+        """Take in that the way has become so much longer by itself, because it leads elsewhere: that is no standstill."""
+        self._best += metres
+
     def update(self, remaining: float, interval: float, *, turning: bool) -> Remedy:
         """Take in the remaining way (metres) and say what to try; `turning` when the robot turns on the spot."""
         if remaining < self._best - _STEP:

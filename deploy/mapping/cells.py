@@ -1,4 +1,4 @@
-"""The robot's grid before walls are inflated: unknown, free or occupied, growing in any direction."""
+"""The robot's grid as it was measured: unknown, free or occupied, growing in any direction."""
 
 from __future__ import annotations
 

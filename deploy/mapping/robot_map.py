@@ -37,7 +37,7 @@ class MapStatistics:
         waiting: those that wait for a pose.
         dropped: how many were dropped, by reason.
         problem: the last thing that went wrong, one line; empty when nothing did.
-        free_area: area known to be free before walls are inflated, square metres.
+        free_area: area known to be free, square metres.
         explored_volume: voxels of 0.5 m with a point in them, cubic metres; 0 without clouds.
     """
 
@@ -221,7 +221,7 @@ class RobotMap:
         return points[np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y) <= radius]
 
     def occupancy(self) -> tuple[NDArray[np.int8], float, tuple[float, float]] | None:
-        """Return the map before walls are inflated, None while there is none.
+        """Return the map as it was measured, None while there is none.
 
         Returns:
             Copy of the cells (-1, 0, 100; int8, row 0 at the bottom), metres per cell, (x, y) of its lower left corner.

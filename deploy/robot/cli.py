@@ -210,11 +210,17 @@ def placed(world: str, start: Position | None, target: Position | None) -> str:
 
 
 def suited_settings(world: str) -> list[str]:
-    """Return what a world's set says of the mapping, as overrides for robot and bridge."""
+    """Return what a world's set says of the mapping, as overrides for robot and bridge.
+
+    How much room the robot needs is a matter of the robot, and not of its world.
+    """
     from actors.maps.sources import recommended
 
-    settings = recommended(world).settings
-    return [f"{path}={json.dumps(value)}" for path, value in settings.items() if path.startswith("mapping.")]
+    return [
+        f"{path}={json.dumps(value)}"
+        for path, value in recommended(world).settings.items()
+        if path.startswith("mapping.") and path != "mapping.robot_radius"
+    ]
 
 
 def checked_options(values: dict[str, object]) -> RobotOptions:

@@ -1,11 +1,14 @@
 import sys
+from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from typer.testing import CliRunner
 
+import actors.simulators
 from common.errors import ConfigError
 from deploy.cli import app
-from deploy.config import DeployConfig
+from deploy.config import DeployConfig, DrivingConfig
 from deploy.profiles import load_deploy_config
 from deploy.robot.cli import ENDPOINT, checked_options, placed, robot_config, suited_settings
 from deploy.robot.options import DEFAULT_SCALE, RobotOptions
@@ -78,6 +81,14 @@ def test_a_start_goes_into_the_map_and_a_set_into_the_settings(tmp_path):
     assert suited_settings("generator:office") == []
     config = load_deploy_config(overrides=[*suited_settings(world), "mapping.viewpoint_spacing=2"])
     assert (config.mapping.resolution, config.mapping.viewpoint_spacing) == (0.1, 2.0)
+    assert config.mapping.robot_radius == pytest.approx(0.3), "the body is the robot's, whatever its world"
+
+
+def test_the_simulated_robot_is_as_large_as_the_bridge_takes_it_to_be():
+    model = ElementTree.parse(Path(actors.simulators.__file__).parent / "robot.urdf")
+    body = model.find("link/visual/geometry/cylinder")
+    assert body is not None
+    assert float(body.attrib["radius"]) == DrivingConfig().robot_radius
 
 
 def test_the_scale_is_given_or_the_sets_or_the_robots_own(tmp_path):
