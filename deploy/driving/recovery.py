@@ -56,7 +56,7 @@ class ProgressWatch:
         return self._blocked
 
     def shift(self, metres: float) -> None:
-        """Take in that the way has become so much longer by itself, because it leads elsewhere: that is no standstill."""
+        """Take in that the way is so much longer because it leads elsewhere now: that is no standstill."""
         self._best += metres
 
     def update(self, remaining: float, interval: float, *, turning: bool) -> Remedy:
