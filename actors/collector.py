@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from actors.arena import Arena, Stage
 from actors.driver import Driver, ExpertDriver, PolicyDriver
-from actors.environment import Environment
 from actors.episode import Role, run_episode
-from actors.expert import make_expert
-from actors.maps.grid_map import GridMap
-from actors.maps.sources import MapSource, fixed_set, open_sources, recommended
+from actors.maps.sources import recommended
 from actors.recorder import Recorder
 from actors.simulators.factory import make_simulator
-from actors.tasks import make_task
-from common.config.schema import MappingConfig, MapsConfig, RunConfig
+from common.config.schema import MappingConfig, RunConfig
 from common.errors import MapError
 from common.messages.experience import Chunk, EpisodeReport
 from common.policy import Policy
@@ -28,21 +25,6 @@ log = logging.getLogger(__name__)
 
 # Unusable maps in a row before the source counts as broken.
 MAX_BAD_MAPS = 20
-
-
-@dataclass(frozen=True, slots=True)
-class Arena:
-    """Where episodes of one task take place.
-
-    Attributes:
-        task: name of the task.
-        source: of its worlds.
-        environment: runs its episodes.
-    """
-
-    task: str
-    source: MapSource
-    environment: Environment
 
 
 class Collector:
@@ -86,30 +68,23 @@ class Collector:
         fidelity = f"-{config.simulator.fidelity}" if config.simulator.name == "pybullet" else ""
         self.simulator_name = config.simulator.name + fidelity
         self._role = Role(role, self.simulator_name)
-        # Evaluation reports distance and success; it needs no privileged reward.
-        reward = config.reward.model_copy(update={"kind": "paper"}) if evaluate else config.reward
-        privileged = not evaluate and (config.cloning.enabled or reward.kind == "potential")
-        for spec in dict.fromkeys(spec for task in config.tasks for spec in _specs(config.maps, task.name, evaluate)):
-            _tell_unsuited(spec, config.mapping)
         self._arenas = [
-            Arena(
-                task.name,
-                open_sources(_specs(config.maps, task.name, evaluate), config.maps.metres_per_pixel, task.name),
-                Environment(
-                    self._simulator,
-                    config.mapping,
-                    make_task(task),
-                    reward,
-                    task.max_steps,
-                    make_expert(task, config.mapping) if privileged else None,
-                ),
-            )
+            Arena(config, task, family, number, self._simulator, evaluate=evaluate)
+            for number, family in enumerate(config.mix)
             for task in config.tasks
+            if task.name in family.tasks and config.sources(family, task.name, evaluate=evaluate)
         ]
-        count = -(-config.maps.validation_count // len(self._arenas))
-        self.worlds: list[tuple[Arena, GridMap]] = (
-            [(arena, world) for arena in self._arenas for world in fixed_set(arena.source, count)] if evaluate else []
-        )
+        self._steps_of = [0] * len(self._arenas)
+        if not config.families:
+            for arena in self._arenas:
+                for spec in config.sources(config.mix[0], arena.task, evaluate=evaluate):
+                    _tell_unsuited(spec, config.mapping)
+        self.worlds: list[tuple[Arena, int]] = []
+        if evaluate:
+            each, over = divmod(config.maps.validation_count, len(self._arenas))
+            for place, arena in enumerate(self._arenas):
+                self.worlds += [(arena, number) for number in arena.fixed_numbers(each + (place < over))]
+        self._classical: dict[int, float] = {}
         self._recorder = Recorder(config.actor.chunk_steps, deliver)
         self._policy_driver = PolicyDriver(self.policy, self._rng, greedy=evaluate)
         self._expert_driver = ExpertDriver()
@@ -140,21 +115,37 @@ class Collector:
         driver: Driver = self._policy_driver
         if imitating and self._rng.random() < cloning.expert_episodes:
             driver = self._expert_driver
-        arena = self._arenas[self.episodes % len(self._arenas)]
+        place = self._next_arena()
+        arena = self._arenas[place]
         for _ in range(MAX_BAD_MAPS):
+            before = self.steps
             try:
-                world = arena.source.draw(self._rng)
+                stage = arena.draw(self._rng)
                 seed = int(self._rng.integers(2**31))
-                return self._run(arena, world, driver, seed, keep_on, self._recorder, label)
+                return self._run(arena, stage, driver, seed, keep_on, self._recorder, label)
             except MapError as error:
                 log.warning("skipped a map: %s", error)
+            finally:
+                self._steps_of[place] += self.steps - before
         raise MapError(
             f"{MAX_BAD_MAPS} maps in a row of {arena.source.name} cannot be used; the last reasons are above"
         )
 
     def evaluate(self, index: int, keep_on: Callable[[], bool] = lambda: True) -> EpisodeReport | None:
-        """Run validation world number ``index`` greedily and deliver the report; None when broken off."""
-        return self._run(*self.worlds[index], self._policy_driver, index, keep_on, None, False)
+        """Run validation world number ``index`` greedily and deliver the report; None when broken off.
+
+        With families of worlds, the report carries the distance of the classical planner, which runs there once.
+        """
+        arena, number = self.worlds[index]
+        if self.config.families and index not in self._classical:
+            self._classical[index] = arena.classical_distance(number)
+        classical = self._classical.get(index, 0.0)
+        return self._run(arena, arena.fixed(number), self._policy_driver, index, keep_on, None, False, classical)
+
+    def _next_arena(self) -> int:
+        """Return the arena that lacks most steps for its share, the first of several."""
+        shares = [steps / arena.share for steps, arena in zip(self._steps_of, self._arenas, strict=True)]
+        return int(np.argmin(shares))
 
     def close(self) -> None:
         """Release the simulator; safe to call twice."""
@@ -163,12 +154,13 @@ class Collector:
     def _run(
         self,
         arena: Arena,
-        world: GridMap,
+        stage: Stage,
         driver: Driver,
         seed: int,
         keep_on: Callable[[], bool],
         recorder: Recorder | None,
         label: bool,
+        classical: float = 0.0,
     ) -> EpisodeReport | None:
         def counted() -> bool:
             going = keep_on()
@@ -176,8 +168,8 @@ class Collector:
             return going
 
         report = run_episode(
-            arena.environment,
-            world,
+            stage.environment,
+            stage.world,
             driver,
             self._role,
             seed=seed,
@@ -186,6 +178,7 @@ class Collector:
             keep_on=counted,
         )
         if report is not None:
+            report = replace(report, family=arena.family, classical_distance=classical)
             self.episodes += 1
             self._deliver(report)
         return report
@@ -198,12 +191,3 @@ def _tell_unsuited(spec: str, mapping: MappingConfig) -> None:
     other = [f"{path}={value}" for path, value in values.items() if getattr(mapping, path.partition(".")[2]) != value]
     if other:
         log.warning("%s suits %s, the run has other values: set them where the learner starts", spec, " ".join(other))
-
-
-def _specs(maps: MapsConfig, task: str, evaluate: bool) -> tuple[str, ...]:
-    """Return the sources of worlds for episodes of a task."""
-    if task == "navigation":
-        own = maps.validation_navigation if evaluate else maps.train_navigation
-        if own:
-            return own
-    return maps.validation if evaluate else maps.train

@@ -22,8 +22,9 @@ from common.mapping.mapper import Mapper
 from common.mapping.viewpoints import LONGEST_EDGE
 from common.messages.experience import End
 from common.observation import Observation
-from common.planners.base import Position
+from common.planners.base import Position, TaskName
 from common.planners.lattice import TOLERANCE
+from common.planners.reference import ReferenceRoute
 
 # Nearer to its viewpoint than this, metres, the robot counts as standing on it.
 ON_VIEWPOINT = 0.3
@@ -84,6 +85,7 @@ class Environment:
 
     Attributes:
         world: the world of this episode.
+        mapping: what the robot makes of its scans.
         mapper: what the robot knows.
         pose: where the robot stands.
         end: whether and how the episode ended; it may have ended at the reset.
@@ -105,6 +107,7 @@ class Environment:
         reward: RewardConfig,
         max_steps: int,
         expert: Expert | None = None,
+        reference: ReferenceRoute | None = None,
     ) -> None:
         """Put the parts together.
 
@@ -115,6 +118,7 @@ class Environment:
             reward: the potential kind needs an ``expert``.
             max_steps: decisions before the episode is truncated.
             expert: privileged expert for labels and for the potential reward.
+            reference: writes the route of a classical planner into each observation, for policies that read it.
 
         Raises:
             ConfigError: the potential reward without an expert.
@@ -123,10 +127,11 @@ class Environment:
             raise ConfigError("reward.kind = 'potential' needs the privileged expert: pass one, or use kind 'paper'")
         self.task = task
         self._simulator = simulator
-        self._mapping = mapping
+        self.mapping = mapping
         self._reward = reward
         self._max_steps = max_steps
         self._expert = expert
+        self._reference = reference
         self.end = End.TRUNCATED
         self.reason = ""
         self.corners: list[int] = []
@@ -149,7 +154,7 @@ class Environment:
         """
         self.task.reset(world)
         self.world = world
-        self.coverage = Coverage(world, self._mapping.robot_radius)
+        self.coverage = Coverage(world, self.mapping.robot_radius)
         self.steps = self.collisions = 0
         self.distance = self.total_reward = self.mapping_seconds = 0.0
         self._blocked_in_row = 0
@@ -162,11 +167,14 @@ class Environment:
         self.corners = []
         width, height = world.size
         self.mapper = Mapper(
-            self._mapping,
+            self.mapping,
             lattice_origin=world.lattice_origin,
             bounds=(*world.origin, world.origin[0] + width, world.origin[1] + height),
             target=self.task.target,
         )
+        if self._reference is not None:
+            name: TaskName = "navigation" if self.task.target is not None else "exploration"
+            self._reference.reset(name, self.task.target)
         self._sense()
         if self.mapper.stuck:
             raise MapError(
@@ -230,7 +238,7 @@ class Environment:
 
         outcome = StepOutcome(
             distance=self.distance - travelled,
-            frontier_removed=(self.mapper.frontiers_removed - frontier) * self._mapping.resolution,
+            frontier_removed=(self.mapper.frontiers_removed - frontier) * self.mapping.resolution,
             progress=to_target - self.task.progress(self.pose),
             complete=self.reason == "complete",
             remaining_before=before,
@@ -290,6 +298,8 @@ class Environment:
             self.end, self.reason = End.TERMINAL, "stuck"
         elif self.steps >= self._max_steps:
             self.end, self.reason = End.TRUNCATED, "step limit"
+        if self._reference is not None and self._on_lattice and self.end is not End.TERMINAL:
+            self._observation = self._reference.observe(self.mapper, self.pose)
 
     def _check_going(self) -> None:
         if self.end is not End.NONE:
@@ -312,7 +322,7 @@ class Environment:
     def _check_leg(self, places: list[Pose], position: Position) -> None:
         """Check the leg to a position from one of several places, where the robot is or counts as being."""
         here = places[0].position
-        longest = LONGEST_EDGE * self._mapping.viewpoint_spacing
+        longest = LONGEST_EDGE * self.mapping.viewpoint_spacing
         near = [place for place in places if place.distance_to(position) <= longest + TOLERANCE]
         if not near:
             raise HDError(

@@ -27,6 +27,7 @@ from common.jit import forget_old_caches
 from common.mapping.warmup import warm_up as warm_up_mapping
 from common.messages.experience import Chunk, Delivery
 from common.messages.schema import encode
+from common.planners.reference import ReferenceRoute
 from common.policy import Policy
 
 
@@ -52,7 +53,9 @@ def warm_up(network: NetworkConfig) -> None:
     for name in ("exploration", "navigation"):
         task = TaskConfig.model_validate({"name": name})
         reward = RewardConfig(kind="potential")
-        environment = Environment(simulator, mapping, make_task(task), reward, 4, make_expert(task, mapping))
+        reference = ReferenceRoute(mapping) if network.features == "guided" else None
+        expert = make_expert(task, mapping)
+        environment = Environment(simulator, mapping, make_task(task), reward, 4, expert, reference)
         for driver in (PolicyDriver(policy, rng), ExpertDriver()):
             run_episode(environment, world, driver, role, seed=0, recorder=recorder, label=True)
     simulator.close()

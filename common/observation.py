@@ -26,6 +26,8 @@ MAX_DEGREE = 255
 MAX_TARGET_LINKS = 20
 # Lattice steps: 500 * 64 fits into int16.
 MAX_OFFSET = 500
+# Nodes of a reference route.
+MAX_ROUTE = 255
 # Lattice steps: no edge leads out of two neighbouring squares, whose cells a winding way can fill.
 MAX_EDGE_LENGTH = 1000.0
 
@@ -52,6 +54,10 @@ class Observation:
             zeros without target.
         target_links: viewpoints tied to the target, uint16, shape (m,), m <= 20: those in line of sight once it is
             known, the beacons until then; empty without target.
+        cell: side of a belief cell in lattice steps; a viewpoint's utility times this is a length of frontier.
+        reach: range of the sensor in lattice steps.
+        route: viewpoints along the reference route, in its order, the robot's left out, uint16, shape (r,), r <= 255:
+            where a classical planner would go, see `common.planners.reference`; empty where nobody was asked.
     """
 
     offsets: NDArray[np.int16]
@@ -67,6 +73,9 @@ class Observation:
     target_known: bool
     target_offset: NDArray[np.float32]
     target_links: NDArray[np.uint16]
+    cell: float
+    reach: float
+    route: NDArray[np.uint16]
 
     @property
     def viewpoints(self) -> int:
@@ -124,6 +133,10 @@ class ObservationBatch:
         target_offset: float32, shape (k, 2).
         link_count: target links per observation, int32, shape (k,).
         target_links: uint16, shape (sum of link_count,).
+        cell: float32, shape (k,).
+        reach: float32, shape (k,).
+        route_count: viewpoints on the route of each observation, int32, shape (k,).
+        route: uint16, shape (sum of route_count,).
     """
 
     count: NDArray[np.int32]
@@ -143,6 +156,10 @@ class ObservationBatch:
     target_offset: NDArray[np.float32]
     link_count: NDArray[np.int32]
     target_links: NDArray[np.uint16]
+    cell: NDArray[np.float32]
+    reach: NDArray[np.float32]
+    route_count: NDArray[np.int32]
+    route: NDArray[np.uint16]
 
     def __len__(self) -> int:
         return len(self.count)
@@ -168,6 +185,10 @@ class ObservationBatch:
             target_offset=np.stack([o.target_offset for o in observations]),
             link_count=np.array([len(o.target_links) for o in observations], dtype=np.int32),
             target_links=np.concatenate([o.target_links for o in observations]),
+            cell=np.array([o.cell for o in observations], dtype=np.float32),
+            reach=np.array([o.reach for o in observations], dtype=np.float32),
+            route_count=np.array([len(o.route) for o in observations], dtype=np.int32),
+            route=np.concatenate([o.route for o in observations]),
         )
 
     def select(self, chosen: NDArray[np.bool_]) -> ObservationBatch:
@@ -192,6 +213,10 @@ class ObservationBatch:
             target_offset=self.target_offset[chosen],
             link_count=self.link_count[chosen],
             target_links=self.target_links[np.repeat(chosen, self.link_count)],
+            cell=self.cell[chosen],
+            reach=self.reach[chosen],
+            route_count=self.route_count[chosen],
+            route=self.route[np.repeat(chosen, self.route_count)],
         )
 
     def __getitem__(self, index: int) -> Observation:
@@ -216,4 +241,7 @@ class ObservationBatch:
             target_known=bool(self.target_known[index]),
             target_offset=self.target_offset[index],
             target_links=self.target_links[part(self.link_count)],
+            cell=float(self.cell[index]),
+            reach=float(self.reach[index]),
+            route=self.route[part(self.route_count)],
         )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +46,7 @@ class PolicyCard:
         created: local time, ISO 8601.
         evaluation: means over a complete round of evaluation, None when it was not evaluated.
         maps: sources of the training worlds.
+        ranges: bounds of what training drew anew for each episode, by the setting of `mapping`; empty for old ones.
         seed: of the run.
         wall_seconds: time that the learner ran for it, seconds.
         licence: of the weights, an SPDX identifier.
@@ -64,6 +65,7 @@ class PolicyCard:
     created: str
     evaluation: dict[str, float] | None = None
     maps: tuple[str, ...] = ()
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     seed: int = 0
     wall_seconds: float = 0.0
     licence: str = "Apache-2.0"
@@ -83,6 +85,7 @@ def card_from(values: Mapping[str, Any]) -> PolicyCard:
             "network": NetworkConfig.model_validate(values["network"]),
             "mapping": MappingConfig.model_validate(values["mapping"]),
             "maps": tuple(values.get("maps", ())),
+            "ranges": {name: (float(low), float(high)) for name, (low, high) in values.get("ranges", {}).items()},
         }
     )
 

@@ -15,6 +15,7 @@ import numpy as np
 import torch
 
 from common.errors import CheckpointError, HDError
+from common.network.parameters import with_features
 from common.policy_file import PolicyCard, portable_sources, read_weights
 from learner.algorithm.base import Algorithm, PublishedVersion
 from learner.algorithm.batch import TransitionBatch
@@ -90,7 +91,7 @@ class Trainer:
         """
         if self.config.learner.initial_policy is not None:
             weights, card = read_weights(Path(self.config.learner.initial_policy).expanduser())
-            self.algorithm.adopt(weights)
+            self.algorithm.adopt(with_features(weights, card.network, self.config.network))
             logger.info("training goes on from the policy of run %s, %d updates", card.run, card.updates)
         self._open_records(episodes_length=0, updates=0)
         self.recorder.write_text("config", f"```json\n{self.config.model_dump_json(indent=2)}\n```")
@@ -350,7 +351,8 @@ class Trainer:
             commit=self._commit,
             created=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
             evaluation=evaluation,
-            maps=portable_sources(self.config.maps.train),
+            maps=portable_sources(self.config.training_sources),
+            ranges=self.config.mapping_ranges,
             seed=self.config.seed,
             wall_seconds=round(self._earlier_seconds + self.uptime),
         )

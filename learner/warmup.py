@@ -85,4 +85,7 @@ def _observation(robot: int) -> Observation:
         target_known=False,
         target_offset=np.array([4.0, 0.0], dtype=np.float32),
         target_links=np.array([0, 8], dtype=np.uint16),
+        cell=0.0625,
+        reach=5.0,
+        route=np.array([0], dtype=np.uint16),
     )

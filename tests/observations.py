@@ -81,6 +81,9 @@ def random_observation(
         target_known=target == "known",
         target_offset=target_offset,
         target_links=links,
+        cell=float(np.float32(rng.uniform(0.01, 0.25))),
+        reach=float(np.float32(rng.uniform(2.0, 10.0))),
+        route=_walk(rng, ends, robot).astype(np.uint16),
     )
 
 
@@ -119,6 +122,20 @@ def observations(max_viewpoints: int = 40) -> st.SearchStrategy[Observation]:
         st.floats(0.0, 1.0),
         st.booleans(),
     )
+
+
+def _walk(rng: np.random.Generator, ends: np.ndarray, robot: int) -> np.ndarray:
+    """Return the nodes of a short walk along edges from the robot, which does not come back to it."""
+    route: list[int] = []
+    here = robot
+    for _ in range(int(rng.integers(0, 12))):
+        beside = np.concatenate([ends[ends[:, 0] == here, 1], ends[ends[:, 1] == here, 0]])
+        beside = beside[beside != robot]
+        if not len(beside):
+            break
+        here = int(rng.choice(beside))
+        route.append(here)
+    return np.array(route, dtype=np.int64)
 
 
 def _grow(rng: np.random.Generator, count: int, lattice: bool) -> tuple[np.ndarray, np.ndarray]:

@@ -41,6 +41,10 @@ class Simulator(Protocol):
         simulator.close()
     """
 
+    def set_sensor_range(self, metres: float) -> None:
+        """Let the sensor reach so far from the next scan on."""
+        ...
+
     def reset(self, world: GridMap, seed: int) -> Pose:
         """Load a world, put the robot on its start and return its pose."""
         ...

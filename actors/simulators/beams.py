@@ -17,13 +17,17 @@ class BeamPattern:
     def __init__(self, rays: int, range_max: float, noise: float = 0.0) -> None:
         """Set up ``rays`` beams of ``range_max`` metres with Gaussian range noise of ``noise`` metres."""
         self.rays = rays
-        self.range_max = range_max
         self.noise = noise
         self.angle_min = -np.pi
         self.angle_increment = 2.0 * np.pi / rays
         self.angles: NDArray[np.float64] = self.angle_min + self.angle_increment * np.arange(rays, dtype=np.float64)
-        self._longest = float(np.nextafter(np.float32(range_max), np.float32(0.0)))
+        self.set_range(range_max)
         self._random = np.random.default_rng([_LIDAR_STREAM, 0])
+
+    def set_range(self, range_max: float) -> None:
+        """Let the beams reach ``range_max`` metres from now on."""
+        self.range_max = range_max
+        self._longest = float(np.nextafter(np.float32(range_max), np.float32(0.0)))
 
     def reseed(self, seed: int) -> None:
         """Start the noise of a new episode: the same seed gives the same noise."""

@@ -90,6 +90,10 @@ class DynamicSimulator:
         """Height of the lidar above the floor, metres."""
         return self._loaded()[0].lidar_height
 
+    def set_sensor_range(self, metres: float) -> None:
+        """Let the sensor reach so far from the next scan on."""
+        self._lidar.set_range(metres)
+
     def reset(self, world: GridMap, seed: int) -> Pose:
         """Load a world, put the robot on its start and return its pose.
 

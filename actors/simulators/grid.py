@@ -32,6 +32,10 @@ class GridSimulator:
         """Where the robot stands."""
         return self._pose
 
+    def set_sensor_range(self, metres: float) -> None:
+        """Let the sensor reach so far from the next scan on."""
+        self._beams.set_range(metres)
+
     def reset(self, world: GridMap, seed: int) -> Pose:
         """Load a world, put the robot on its start, facing along x, and return its pose."""
         check_start(world)

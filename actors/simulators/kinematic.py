@@ -51,6 +51,10 @@ class KinematicSimulator:
         """Where the robot stands."""
         return self._pose
 
+    def set_sensor_range(self, metres: float) -> None:
+        """Let the sensor reach so far from the next scan on."""
+        self._lidar.set_range(metres)
+
     def reset(self, world: GridMap, seed: int) -> Pose:
         """Load a world, put the robot on its start, facing along x, and return its pose."""
         self.physics.load(world)

@@ -40,15 +40,21 @@ class Lidar:
         directions[:, :, 1] = flat * np.sin(beams.angles)
         directions[:, :, 2] = np.sin(elevations)[:, None]
         self._directions: NDArray[np.float64] = directions.reshape(-1, 3)
-        ends = (self._directions * beams.range_max).tolist()
-        starts = [[0.0, 0.0, 0.0]] * len(ends)
-        self._calls = [
-            (starts[i : i + _RAYS_PER_CALL], ends[i : i + _RAYS_PER_CALL]) for i in range(0, len(ends), _RAYS_PER_CALL)
-        ]
+        self.set_range(beams.range_max)
         self._mask = WALL_GROUP if layers == 1 else WALL_GROUP | FLOOR_GROUP
         self._cloud: NDArray[np.float64] | None = None
         self._ranges: NDArray[np.float64] | None = None
         self._frame: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+
+    def set_range(self, metres: float) -> None:
+        """Let the rays reach so far from the next scan on."""
+        self._beams.set_range(metres)
+        ends = (self._directions * metres).tolist()
+        starts = [[0.0, 0.0, 0.0]] * len(ends)
+        self._calls = [
+            (starts[i : i + _RAYS_PER_CALL], ends[i : i + _RAYS_PER_CALL]) for i in range(0, len(ends), _RAYS_PER_CALL)
+        ]
+        self.forget()
 
     def forget(self) -> None:
         """Drop the last scan."""

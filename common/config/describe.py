@@ -84,6 +84,11 @@ def _toml_line(name: str, value: Any) -> str:
 
 
 def _toml_value(value: Any) -> str:
+    if isinstance(value, BaseModel):
+        inner = ", ".join(f"{name} = {_toml_value(item)}" for name, item in _items(value) if item is not None)
+        return f"{{{inner}}}"
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_toml_value, value))}]"
     return json.dumps(value, ensure_ascii=False)
 
 

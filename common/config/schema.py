@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from common.ids import ID_PATTERN
 
+MAX_FAMILIES = 64
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 Positive = Annotated[float, Field(gt=0.0)]
 
@@ -90,6 +91,46 @@ class MappingConfig(Section):
         return self
 
 
+class FamilyConfig(Section):
+    """A family of worlds in a mix, and what is drawn anew for each of its episodes."""
+
+    name: str
+    """Its name, for reports. Lower-case letters, digits and dashes."""
+    train: tuple[str, ...] = ()
+    """Sources of its training worlds; those of `maps` when not given."""
+    validation: tuple[str, ...] = ()
+    """Likewise of its validation worlds."""
+    tasks: tuple[Literal["exploration", "navigation"], ...] = ("exploration", "navigation")
+    """Tasks that it serves, where the run has them."""
+    share: Positive = 1.0
+    """Its share of all steps, in proportion to the other families'."""
+    sensor_range: tuple[Positive, Positive] | None = None
+    """Range of the sensor, drawn between two bounds, metres; `mapping.sensor_range` when not given. Utilities and
+    beacons keep their share of it."""
+    viewpoint_spacing: tuple[Positive, Positive] | None = None
+    """Likewise the distance between neighbouring viewpoints, metres."""
+    robot_radius: tuple[Annotated[float, Field(ge=0.0)], Annotated[float, Field(ge=0.0)]] | None = None
+    """Likewise the radius of the robot, metres."""
+    max_steps: Annotated[int, Field(ge=1, le=10_000)] | None = None
+    """Each world's own limit of decisions, by its size, and at most this; `task.max_steps` when not given."""
+    unseen_area: Annotated[float, Field(ge=0.0)] | None = None
+    """As `task.unseen_area`, which holds when this is not given."""
+
+    @field_validator("name")
+    @classmethod
+    def _name_is_an_id(cls, value: str) -> str:
+        if not ID_PATTERN.fullmatch(value):
+            raise ValueError("use 1 to 64 lower-case letters, digits and dashes, such as 'office-2'")
+        return value
+
+    @field_validator("sensor_range", "viewpoint_spacing", "robot_radius")
+    @classmethod
+    def _bounds_ascend(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        if value is not None and value[0] > value[1]:
+            raise ValueError(f"the lower bound comes first: write [{value[1]:g}, {value[0]:g}]")
+        return value
+
+
 class SimulatorConfig(Section):
     """The simulated robot and its sensor."""
 
@@ -161,9 +202,11 @@ class NetworkConfig(Section):
     """Encoder layers."""
     feedforward: Annotated[int, Field(ge=1, le=8)] = 4
     """Hidden size of a feed-forward block, as a multiple of the width."""
-    features: Literal["paper", "extended"] = "extended"
+    features: Literal["paper", "extended", "guided"] = "extended"
     """Node features: `paper`: position, utility, visited, beacon, target; `extended`: also graph distance from the
-    robot, degree, distance to the nearest useful viewpoint, on a shortest path to a beacon, all from the belief."""
+    robot, degree, distance to the nearest useful viewpoint, on a shortest path to a beacon, all from the belief;
+    `guided`: also where a classical planner would go (`tour` in exploration, D* Lite in navigation), the range of the
+    sensor, and frontiers by length instead of cells."""
     graph: Literal["full", "reduced"] = "full"
     """Nodes that the network reads: all reachable ones, or only those near the robot, useful ones, beacons and the
     shortest paths to them: about half as many on public maps."""
@@ -365,6 +408,8 @@ class RunConfig(Section):
     """Seed of networks, sampling and worlds."""
     maps: MapsConfig = Field(default_factory=MapsConfig)
     """Where worlds come from."""
+    families: tuple[FamilyConfig, ...] = ()
+    """A mix of families of worlds; when not given, the worlds of `maps` alone."""
     mapping: MappingConfig = Field(default_factory=MappingConfig)
     """Belief, viewpoint graph, utility and beacons."""
     simulator: SimulatorConfig = Field(default_factory=SimulatorConfig)
@@ -410,6 +455,69 @@ class RunConfig(Section):
                 "sac.privileged_critic needs the reward that it is told in advance: set reward.kind to 'potential'"
             )
         return self
+
+    @model_validator(mode="after")
+    def _families_fit(self) -> RunConfig:
+        names = [family.name for family in self.families]
+        if len(set(names)) < len(names) or len(names) > MAX_FAMILIES:
+            raise ValueError(f"families: give each of up to {MAX_FAMILIES} families a name of its own, got {names}")
+        for family in self.families:
+            spacing = family.viewpoint_spacing
+            if spacing is not None and spacing[0] < 2 * self.mapping.resolution:
+                raise ValueError(
+                    f"families: viewpoint_spacing of {family.name!r} must be at least two belief cells "
+                    f"(2 x {self.mapping.resolution} m), got {spacing[0]}"
+                )
+        if not all(any(task.name in family.tasks for family in self.mix) for task in self.tasks):
+            raise ValueError(
+                f"families: one of them at least must serve the task {self.task_name!r}: see their `tasks`"
+            )
+        return self
+
+    @property
+    def mix(self) -> tuple[FamilyConfig, ...]:
+        """The families of worlds; without any that of `maps`."""
+        return self.families or (FamilyConfig(name="worlds"),)
+
+    @property
+    def training_sources(self) -> tuple[str, ...]:
+        """The sources of all training worlds, each once."""
+        every = (
+            source
+            for task in self.tasks
+            for family in self.mix
+            if task.name in family.tasks
+            for source in self.sources(family, task.name, evaluate=False)
+        )
+        return tuple(dict.fromkeys(every))
+
+    @property
+    def mapping_ranges(self) -> dict[str, tuple[float, float]]:
+        """Smallest and largest value in training of what families draw anew: settings of `mapping` by name."""
+        ranges = {}
+        for name in ("sensor_range", "viewpoint_spacing", "robot_radius"):
+            own = getattr(self.mapping, name)
+            bounds = [getattr(family, name) or (own, own) for family in self.mix]
+            ranges[name] = min(low for low, _ in bounds), max(high for _, high in bounds)
+        return ranges
+
+    def sources(self, family: FamilyConfig, task: str, *, evaluate: bool) -> tuple[str, ...]:
+        """Return the sources of a family's worlds for episodes of a task; empty where it has none for validation.
+
+        Args:
+            family: one of `mix`.
+            task: `exploration` or `navigation`.
+            evaluate: those of validation.
+        """
+        own = family.validation if evaluate else family.train
+        if own or family.train:
+            return own
+        maps = self.maps
+        if task == "navigation":
+            navigation = maps.validation_navigation if evaluate else maps.train_navigation
+            if navigation:
+                return navigation
+        return maps.validation if evaluate else maps.train
 
     @property
     def labelled(self) -> bool:

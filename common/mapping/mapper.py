@@ -29,6 +29,7 @@ from common.observation import MAX_VIEWPOINTS, Observation
 # Positions lie so near to the lattice's origin along each axis, metres: in subcells they must fit into 64 bits.
 FARTHEST: Final = 1.0e6
 _NO_NODES: Final = np.empty(0, dtype=np.int32)
+_NO_ROUTE: Final = np.empty(0, dtype=np.uint16)
 _NO_EDGES: Final = Adjacency(np.zeros(1, np.int64), _NO_NODES, np.empty(0), np.empty(0, np.bool_))
 _NO_CHANGES: Final = FrontierChanges(_NO_NODES, _NO_NODES, NOTHING_LOST)
 
@@ -457,6 +458,9 @@ class Mapper:
             target_known=target is not None and target.known,
             target_offset=offset,
             target_links=links,
+            cell=config.resolution / config.viewpoint_spacing,
+            reach=config.sensor_range / config.viewpoint_spacing,
+            route=_NO_ROUTE,
         )
 
     def _metres(self, points: NDArray[np.int64]) -> list[tuple[float, float]]:

@@ -54,6 +54,8 @@ class EpisodeReport:
         reward: sum of rewards.
         collisions: contacts with the world.
         duration: wall seconds.
+        family: name of the family of worlds (see `FamilyConfig`).
+        classical_distance: how far a classical planner drives there, metres; 0 where none was asked.
     """
 
     task: str
@@ -69,6 +71,8 @@ class EpisodeReport:
     reward: float
     collisions: int
     duration: float
+    family: str = "worlds"
+    classical_distance: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -104,6 +104,10 @@ def _read_observations(fields: Fields, k: int) -> ObservationBatch:
         target_offset=fields.array("target_offset", np.float32, (k, 2)),
         link_count=fields.array("link_count", np.int32, (k,)),
         target_links=fields.array("target_links", np.uint16, (None,)),
+        cell=fields.array("cell", np.float32, (k,)),
+        reach=fields.array("reach", np.float32, (k,)),
+        route_count=fields.array("route_count", np.int32, (k,)),
+        route=fields.array("route", np.uint16, (None,)),
     )
     fields.finish()
     check_observations(batch, fields.path)
@@ -135,6 +139,8 @@ def _report_fields(report: EpisodeReport) -> dict[str, Any]:
         "reward": float(report.reward),
         "collisions": int(report.collisions),
         "duration": float(report.duration),
+        "family": report.family,
+        "classical_distance": float(report.classical_distance),
     }
 
 
@@ -153,4 +159,6 @@ def _read_report(fields: Fields) -> EpisodeReport:
         reward=fields.number("reward"),
         collisions=fields.integer("collisions"),
         duration=fields.number("duration", 0.0, 1e9),
+        family=fields.identifier("family"),
+        classical_distance=fields.number("classical_distance", 0.0, 1e9),
     )

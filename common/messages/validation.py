@@ -14,6 +14,7 @@ from common.observation import (
     MAX_DEGREE,
     MAX_EDGE_LENGTH,
     MAX_OFFSET,
+    MAX_ROUTE,
     MAX_TARGET_LINKS,
     MAX_VIEWPOINTS,
     STEP_UNITS,
@@ -47,6 +48,9 @@ _PROBLEMS = {
     14: ("link_count", "must be 0 without a target; that of observation {0} is not"),
     15: ("target_links", "must be viewpoints of their observation; link {1} of observation {0} is not"),
     16: ("target_links", "must not repeat; link {1} of observation {0} does"),
+    17: ("route", "must be viewpoints of their observation, the robot's left out; entry {1} of observation {0} is not"),
+    18: ("cell", "must be above 0 and at most half a lattice step; that of observation {0} is not"),
+    19: ("reach", f"must be above 0 and at most {MAX_OFFSET} lattice steps; that of observation {{0}} is not"),
 }
 _CHOICE_PROBLEMS = {
     1: ("beacons", "must be beacons of their observation; node {1} at step {0} is not"),
@@ -54,6 +58,8 @@ _CHOICE_PROBLEMS = {
     3: ("labels.beacon", "must be -1 or a beacon of its observation; node {1} at step {0} is not"),
 }
 _LARGEST_OFFSET = MAX_OFFSET * STEP_UNITS
+# Lattice steps: a spacing holds two cells at least; the rest is for the rounding of float32.
+_LARGEST_CELL = 0.5001
 _TARGET_BOUND = 2 * MAX_OFFSET
 # Lattice steps. Each end of an edge lies up to half a unit from its place along both axes, so the straight distance is
 # known this well; the rest is for the rounding of float32.
@@ -77,11 +83,14 @@ def check_observations(batch: ObservationBatch, path: str) -> None:
         raise MessageError(f"{path}.count", f"must hold at least one number from 1 to {MAX_VIEWPOINTS}")
     if int(batch.link_count.max()) > MAX_TARGET_LINKS:
         raise MessageError(f"{path}.link_count", f"must hold numbers from 0 to {MAX_TARGET_LINKS}")
+    if int(batch.route_count.max()) > MAX_ROUTE:
+        raise MessageError(f"{path}.route_count", f"must hold numbers from 0 to {MAX_ROUTE}")
     for name, what, came in (
         ("count", "viewpoints", len(batch.utility)),
         ("edge_count", "neighbours", len(batch.neighbours)),
         ("bent_count", "bent edges", len(batch.bent)),
         ("link_count", "links", len(batch.target_links)),
+        ("route_count", "viewpoints on routes", len(batch.route)),
     ):
         counts: NDArray[np.int32] = getattr(batch, name)
         if int(counts.min()) < 0 or int(counts.sum(dtype=np.int64)) != came:
@@ -91,6 +100,7 @@ def check_observations(batch: ObservationBatch, path: str) -> None:
         (batch.degree, batch.edge_count, batch.neighbours),
         (batch.bent_count, batch.bent, batch.bent_length),
         (batch.has_target, batch.target_known, batch.target_offset, batch.link_count, batch.target_links),
+        (batch.cell, batch.reach, batch.route_count, batch.route),
     )
     if code:
         field, problem = _PROBLEMS[code]
@@ -141,17 +151,19 @@ def check_choices(
 
 
 @njit(cache=True, nogil=True)
-def _sweep(graphs, edges, ways, targets) -> Any:  # type: ignore[no-untyped-def]
+def _sweep(graphs, edges, ways, targets, routes) -> Any:  # type: ignore[no-untyped-def]
     """Return (code, observation, place) of the first violation, code 0 without one."""
     count, offsets, robot = graphs
     degree, edge_count, neighbours = edges
     bent_count, bent, bent_length = ways
     has_target, target_known, target_offset, link_count, target_links = targets
+    cell, reach, route_count, route = routes
     neighbours_in_all = np.empty(count.max(), dtype=np.int32)
     first = 0
     edge = 0
     way = 0
     link = 0
+    on_route = 0
     for step in range(len(count)):
         n = count[step]
         degrees = 0
@@ -215,7 +227,16 @@ def _sweep(graphs, edges, ways, targets) -> Any:  # type: ignore[no-untyped-def]
             for b in range(a):
                 if target_links[link + a] == target_links[link + b]:
                     return 16, step, a
+        for a in range(route_count[step]):
+            if route[on_route + a] >= n or route[on_route + a] == robot[step]:
+                return 17, step, a
+        # Written so that NaN fails.
+        if not 0.0 < cell[step] <= _LARGEST_CELL:
+            return 18, step, 0
+        if not 0.0 < reach[step] <= MAX_OFFSET:
+            return 19, step, 0
         link += link_count[step]
+        on_route += route_count[step]
         first += n
     return 0, 0, 0
 

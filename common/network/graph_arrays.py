@@ -70,7 +70,7 @@ class GraphArrays:
         robot_rows = node_ptr[:-1] + batch.robot
         nodes = np.arange(len(neighbours)) - np.repeat(node_ptr[:-1], np.diff(node_ptr))
         if config.graph == "reduced":
-            features = node_features(batch, table, "extended")
+            features = node_features(batch, table, "guided" if config.features == "guided" else "extended")
             kept = kept_rows(features, neighbours, robot_rows)
             place = np.where(kept, np.cumsum(kept) - 1, -1)
             neighbours = renumbered(neighbours, kept, place)

@@ -76,6 +76,22 @@ def initial_parameters(config: NetworkConfig, seed: int) -> dict[str, NDArray[np
     return arrays
 
 
+def with_features(arrays: Arrays, trained: NetworkConfig, wanted: NetworkConfig) -> dict[str, NDArray[np.float32]]:
+    """Return weights for a network that reads more features, which change nothing at first: their weights are 0.
+
+    Args:
+        arrays: weights of a network of ``trained``.
+        trained: its configuration; its features are the first ones of those wanted, or the same.
+        wanted: configuration of the network that begins with these weights.
+    """
+    name = "encoder.embedding.weight"
+    missing = feature_count(wanted.features) - feature_count(trained.features)
+    grown = dict(arrays)
+    if missing > 0 and name in grown:
+        grown[name] = np.pad(grown[name], ((0, 0), (0, missing)))
+    return grown
+
+
 def check_parameters(arrays: Arrays, shapes: Shapes) -> None:
     """Refuse weights that do not fit.
 

@@ -18,6 +18,7 @@ SURROUNDINGS = 4.0
 _NAMES = FEATURE_NAMES["extended"]
 _UTILITY, _BEACON, _ROBOT, _TARGET = (_NAMES.index(name) for name in ("utility", "beacon", "robot", "target"))
 _DISTANCE, _ON_PATH = _NAMES.index("robot_graph_distance"), _NAMES.index("on_beacon_path")
+_ON_ROUTE = FEATURE_NAMES["guided"].index("on_route")
 _SCALE = 20.0
 
 
@@ -27,7 +28,8 @@ def kept_rows(
     """Choose the rows that stay.
 
     Args:
-        features: of the set ``extended``, shape (nodes, F).
+        features: of the set ``extended`` or ``guided``, shape (nodes, F); the latter tells of routes, whose viewpoints
+            stay.
         neighbours: shape (nodes, slots), -1 where absent.
         robot_rows: row of each observation's robot, shape (k,).
 
@@ -41,6 +43,8 @@ def kept_rows(
         | (features[:, _ON_PATH] > 0.0)
         | (features[:, _TARGET] > 0.0)
     )
+    if features.shape[1] > _ON_ROUTE:
+        kept |= features[:, _ON_ROUTE] > 0.0
     for rows in (robot_rows, np.flatnonzero(features[:, _TARGET])):
         around = neighbours[rows]
         kept[around[around >= 0]] = True

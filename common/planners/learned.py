@@ -17,6 +17,7 @@ from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.greedy import GreedyPlanner
 from common.planners.lattice import ON_VIEWPOINT, ScannedViewpoints, check_task, lead_to, next_leg, nothing_left
 from common.planners.news import PlacesSinceNews
+from common.planners.reference import ReferenceRoute
 from common.policy import Policy
 from common.policy_file import PolicyCard, read_policy
 from common.shipped import shipped_policy, shipped_tasks
@@ -72,6 +73,7 @@ class LearnedPlanner:
     policy: Policy
     attention: Attention | None
     _beacon: Position | None
+    _reference: ReferenceRoute | None
 
     def __init__(
         self,
@@ -128,11 +130,15 @@ class LearnedPlanner:
         Raises:
             ConfigError: the policy was trained for the other task.
         """
-        del target, seed
+        del seed
         check_task(self.name, self.tasks, task)
         if self._shipped:
             self.policy, self.card = self._read_shipped(task)
         self._forget()
+        if self.policy.config.features == "guided":
+            reference = ReferenceRoute(self.mapping_for(task))
+            reference.reset(task, target)
+            self._reference = reference
 
     def plan(self, mapper: Mapper, pose: Pose) -> Plan:
         """Decide; the mapper has taken in the newest scan and was updated at this pose."""
@@ -145,7 +151,7 @@ class LearnedPlanner:
         detour = self._follow_way_out(mapper, pose)
         if detour is not None:
             return detour
-        waypoint = self._decide(mapper)
+        waypoint = self._decide(mapper, pose)
         if self._end_cycles and mapper.position(waypoint) in self._places:
             self._way_out = self._find_way_out(mapper, pose)
             detour = self._follow_way_out(mapper, pose)
@@ -173,9 +179,9 @@ class LearnedPlanner:
             return plan if plan.waypoint else Plan(Status.STUCK, reason="the robot's viewpoint has no neighbour")
         return None
 
-    def _decide(self, mapper: Mapper) -> int:
+    def _decide(self, mapper: Mapper, pose: Pose) -> int:
         """Return the node that the network chooses; it notes the beacon and the attention."""
-        observation = mapper.observe()
+        observation = mapper.observe() if self._reference is None else self._reference.observe(mapper, pose)
         decision = self.policy.decide(observation, greedy=True, rng=self._random)
         self._beacon = mapper.position(decision.beacon)
         self.attention = Attention(
@@ -190,6 +196,8 @@ class LearnedPlanner:
         """Return the goal of a detour: a known target, or a useful viewpoint that was not scanned from, or None."""
         if mapper.target_known:
             return mapper.target
+        if self._reference is not None and self._reference.plan is not None:
+            return self._reference.plan.beacon
         positions = mapper.viewpoints
         distances = mapper.distances(mapper.robot)
         candidates = self._scanned.candidates(mapper)
@@ -228,6 +236,7 @@ class LearnedPlanner:
         self._random = np.random.default_rng(0)
         self._scanned = ScannedViewpoints(self._config.viewpoint_spacing)
         self._beacon = None
+        self._reference = None
         # Viewpoints beside lattice points move a little whenever their surroundings become known better.
         self._places = PlacesSinceNews(ON_VIEWPOINT * self._config.viewpoint_spacing)
         self._way_out = None
@@ -251,15 +260,22 @@ def bare_planner(config: MappingConfig, *, policy: str | Path | None = None) -> 
 
 def _warn_of_other_mapping(card: PolicyCard, config: MappingConfig) -> None:
     trained, given = card.mapping.model_dump(), config.with_planning_set_of(card.mapping).model_dump()
+    drawn = {name for name, (low, high) in card.ranges.items() if low <= given[name] <= high}
     # A radius changes where viewpoints are, not how the network reads them.
-    scaled = ("utility_range", "min_utility", "least_utility", "beacon_range", "viewpoint_spacing", "robot_radius")
+    scaled = {"utility_range", "min_utility", "least_utility", "beacon_range", "viewpoint_spacing", "robot_radius"}
+    if card.network.features == "guided":
+        # Its frontiers are counted by length.
+        scaled.add("resolution")
     differing = [
         f"{name} {trained[name]} (here {given[name]})"
         for name in given
-        if name not in scaled and trained[name] != given[name]
+        if name not in scaled | drawn and trained[name] != given[name]
     ]
     wanted = _spacing(card.mapping, config)
-    if not wanted / SPACING_TOLERANCE <= config.viewpoint_spacing <= wanted * SPACING_TOLERANCE:
+    fits = "viewpoint_spacing" in drawn or (
+        wanted / SPACING_TOLERANCE <= config.viewpoint_spacing <= wanted * SPACING_TOLERANCE
+    )
+    if not fits:
         differing.append(
             f"viewpoints {wanted:g} m apart at a sensor range of {config.sensor_range:g} m "
             f"(here {config.viewpoint_spacing:g} m: set mapping.viewpoint_spacing={wanted:g})"

@@ -20,6 +20,7 @@ from learner.replay.memory import (
     EDGES,
     KINDS,
     LINKS,
+    ROUTES,
     ROW_BYTES,
     VIEWPOINTS,
     Ring,
@@ -199,6 +200,8 @@ class Replay:
         columns.has_target[rows] = batch.has_target[part]
         columns.target_known[rows] = batch.target_known[part]
         columns.target_offset[rows] = batch.target_offset[part]
+        columns.cell[rows] = batch.cell[part]
+        columns.reach[rows] = batch.reach[part]
         columns.choices[rows] = choices[part]
         columns.step[rows] = False
         columns.successor[rows] = -1
@@ -339,6 +342,7 @@ class Replay:
         (neighbours,) = self._pieces(EDGES, rows)
         bent, bent_length = self._pieces(BENT, rows)
         (target_links,) = self._pieces(LINKS, rows)
+        (route,) = self._pieces(ROUTES, rows)
         return ObservationBatch(
             count=length[VIEWPOINTS],
             offsets=offsets,
@@ -357,6 +361,10 @@ class Replay:
             target_offset=columns.target_offset[rows],
             link_count=length[LINKS],
             target_links=target_links,
+            cell=columns.cell[rows],
+            reach=columns.reach[rows],
+            route_count=length[ROUTES],
+            route=route,
         )
 
     def _labels(self, rows: NDArray[np.int64], labelled: NDArray[np.bool_]) -> ExpertLabels:
@@ -378,8 +386,8 @@ class _RaggedParts:
 
     Attributes:
         arrays: the columns of each ring.
-        length: rows of each observation in each ring, int32, shape (k, 5).
-        ends: first row of each observation in the arrays, then their number of rows, int64, shape (k + 1, 5).
+        length: rows of each observation in each ring, int32, shape (k, 6).
+        ends: first row of each observation in the arrays, then their number of rows, int64, shape (k + 1, 6).
     """
 
     arrays: tuple[tuple[NDArray[Any], ...], ...]
@@ -393,7 +401,9 @@ class _RaggedParts:
         costs = np.zeros(len(batch), dtype=np.int32)
         if labels is not None:
             costs[: chunk.steps] = choices[: chunk.steps]
-        length = np.stack([batch.count, batch.edge_count, batch.bent_count, batch.link_count, costs], axis=1)
+        length = np.stack(
+            [batch.count, batch.edge_count, batch.bent_count, batch.link_count, batch.route_count, costs], axis=1
+        )
         ends = np.zeros((len(batch) + 1, len(KINDS)), dtype=np.int64)
         np.cumsum(length, axis=0, out=ends[1:])
         marks = batch.visited + 2 * batch.beacon.view(np.uint8)
@@ -402,6 +412,7 @@ class _RaggedParts:
             (batch.neighbours,),
             (batch.bent, batch.bent_length),
             (batch.target_links,),
+            (batch.route,),
             (np.zeros(0, dtype=np.float32) if labels is None else labels.cost,),
         )
         return cls(arrays, length, ends)

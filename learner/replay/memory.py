@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from common.errors import ConfigError
 from common.messages.experience_codec import MAX_STEPS
-from common.observation import MAX_DEGREE, MAX_TARGET_LINKS, MAX_VIEWPOINTS
+from common.observation import MAX_DEGREE, MAX_ROUTE, MAX_TARGET_LINKS, MAX_VIEWPOINTS
 
 # Freed rows are given back to the operating system when they are this many bytes.
 _RELEASE_BYTES = 1 << 21
@@ -61,7 +61,7 @@ class RingKind:
         return sum(np.dtype(dtype).itemsize * width for dtype, width in self.columns)
 
 
-VIEWPOINTS, EDGES, BENT, LINKS, COSTS = range(5)
+VIEWPOINTS, EDGES, BENT, LINKS, ROUTES, COSTS = range(6)
 """Numbers of the rings."""
 KINDS = (
     # Offsets, utility, visited + 2 beacon, degree.
@@ -72,6 +72,8 @@ KINDS = (
     RingKind(((np.uint32, 1), (np.float32, 1)), MAX_VIEWPOINTS * MAX_DEGREE // 2),
     # Target links.
     RingKind(((np.uint16, 1),), MAX_TARGET_LINKS * (MAX_STEPS + 1)),
+    # Reference routes.
+    RingKind(((np.uint16, 1),), MAX_ROUTE * (MAX_STEPS + 1)),
     # The expert's cost of each waypoint: all neighbours and the target.
     RingKind(((np.float32, 1),), (MAX_DEGREE + 1) * (MAX_STEPS + 1)),
 )
@@ -147,12 +149,14 @@ class SlotColumns:
     """What is kept of each observation beside its rows in the rings; row = number of arrival modulo number of slots.
 
     Attributes:
-        first: first row in each ring, int64, shape (slots, 5).
-        length: rows in each ring, int32, shape (slots, 5).
+        first: first row in each ring, int64, shape (slots, 6).
+        length: rows in each ring, int32, shape (slots, 6).
         robot: node number, int32.
         has_target: bool.
         target_known: bool.
         target_offset: float32, shape (slots, 2).
+        cell: float32.
+        reach: float32.
         choices: number of waypoints, int32.
         step: an action was chosen here, bool.
         beacon: chosen beacon, int32.
@@ -172,6 +176,8 @@ class SlotColumns:
     has_target: NDArray[np.bool_]
     target_known: NDArray[np.bool_]
     target_offset: NDArray[np.float32]
+    cell: NDArray[np.float32]
+    reach: NDArray[np.float32]
     choices: NDArray[np.int32]
     step: NDArray[np.bool_]
     beacon: NDArray[np.int32]
@@ -198,6 +204,8 @@ class SlotColumns:
             has_target=column(np.bool_),
             target_known=column(np.bool_),
             target_offset=column(np.float32, 2),
+            cell=column(np.float32),
+            reach=column(np.float32),
             choices=column(np.int32),
             step=column(np.bool_),
             beacon=column(np.int32),

@@ -45,14 +45,16 @@ class BestPolicy:
     def consider(self, finished: Round) -> None:
         """Save the evaluated policy when it is the best so far."""
         means = finished.means
+        ratios = "".join(f", {name} {value:.3f}" for name, value in finished.ratios.items())
         logger.info(
-            "evaluation of version %d: %.0f%% complete, %.1f m, %.1f%% explored",
+            "evaluation of version %d: %.0f%% complete, %.1f m, %.1f%% explored%s",
             finished.version,
             100 * means.success,
             means.distance,
             100 * means.explored,
+            ratios and f"; shares of the classical planner's distance: {ratios[2:]}",
         )
-        score = Score.of(means)
+        score = Score.of(finished.figures)
         if self._score is not None and score <= self._score:
             return
         policy = self._published.get(finished.version)
@@ -64,7 +66,7 @@ class BestPolicy:
             )
             return
         updates, weights = policy
-        card = self._describe(finished.version, updates, asdict(means))
+        card = self._describe(finished.version, updates, finished.figures)
         document = {**asdict(card), "network": card.network.model_dump(), "mapping": card.mapping.model_dump()}
         tensors = {name: torch.from_numpy(np.array(array)) for name, array in weights.items()}
         folder = self._checkpoints.save_best(finished.version, tensors, document)
@@ -77,7 +79,7 @@ class BestPolicy:
             return
         try:
             document = self._checkpoints.load(name).document
-            self._score = Score(document["evaluation"]["success"], -document["evaluation"]["distance"])
+            self._score = Score.of(document["evaluation"])
             self.version = int(document["version"])
         except (CheckpointError, KeyError, TypeError) as error:
             logger.error("the next evaluation counts as the best: %s", error)

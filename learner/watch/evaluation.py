@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -13,23 +14,32 @@ from learner.run.episodes import EpisodeMeans, mean_episode
 
 Policy = Mapping[str, NDArray[Any]]
 
+FAILURE = 2.0
+"""A failed episode counts so many times its distance."""
+WORST_RATIO = "worst_ratio"
+
 
 @dataclass(frozen=True, slots=True, order=True)
 class Score:
-    """Quality of a policy: success first, then the mean distance; the greater score is the better one.
+    """Quality of a policy; the greater score is the better one.
+
+    Of a mix of families of worlds the worst one counts, by the distance as a share of the classical planner's, failures
+    twice; otherwise success comes first, then the mean distance.
 
     Attributes:
-        success: share of completed episodes.
-        nearness: minus the mean distance, metres.
+        success: share of completed episodes; 1 for a mix, whose ratio has the failures in it.
+        nearness: minus the mean distance, metres, or minus the ratio.
     """
 
     success: float
     nearness: float
 
     @classmethod
-    def of(cls, means: EpisodeMeans) -> Score:
-        """Score the means of a round."""
-        return cls(means.success, -means.distance)
+    def of(cls, figures: Mapping[str, float]) -> Score:
+        """Score the `Round.figures` of a round."""
+        if WORST_RATIO in figures:
+            return cls(1.0, -figures[WORST_RATIO])
+        return cls(figures["success"], -figures["distance"])
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +49,34 @@ class Round:
     Attributes:
         version: policy version.
         means: over the round's episodes.
+        ratios: distance of each family's episodes as a share of the classical planner's there, failures counted twice;
+            empty where no classical planner was asked.
     """
 
     version: int
     means: EpisodeMeans
+    ratios: Mapping[str, float]
+
+    @classmethod
+    def of(cls, version: int, reports: Iterable[EpisodeReport]) -> Round:
+        """Sum up the reports of a round, at least one."""
+        every = list(reports)
+        driven: defaultdict[str, float] = defaultdict(float)
+        classical: defaultdict[str, float] = defaultdict(float)
+        for report in every:
+            if report.classical_distance > 0.0:
+                # Tasks apart: their distances have different scales.
+                name = f"{report.family}/{report.task}"
+                driven[name] += report.distance if report.success else FAILURE * report.distance
+                classical[name] += report.classical_distance
+        ratios = {name: driven[name] / classical[name] for name in sorted(driven)}
+        return cls(version, mean_episode(every), ratios)
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """Means and ratios by name, for the policy's card."""
+        worst = {WORST_RATIO: max(self.ratios.values())} if self.ratios else {}
+        return {**asdict(self.means), **{f"ratio/{name}": value for name, value in self.ratios.items()}, **worst}
 
 
 class EvaluationRounds:
@@ -66,11 +100,11 @@ class EvaluationRounds:
             known = (incarnation, report.version, {})
             self._open[actor] = known
         reports = known[2]
-        reports[report.map_name] = report
+        reports[_place(report)] = report
         if len(reports) < self._worlds:
             return None
         del self._open[actor]
-        return Round(report.version, mean_episode(list(reports.values())))
+        return Round.of(report.version, reports.values())
 
     def state(self) -> list[Any]:
         """Return the unfinished rounds, ready for JSON."""
@@ -82,7 +116,7 @@ class EvaluationRounds:
     def restore(self, state: list[Any]) -> None:
         """Take over the unfinished rounds of an earlier process."""
         self._open = {
-            actor: (incarnation, version, {values["map_name"]: EpisodeReport(**values) for values in reports})
+            actor: (incarnation, version, {_place(report): report for report in (EpisodeReport(**v) for v in reports)})
             for actor, incarnation, version, reports in state
         }
 
@@ -90,6 +124,10 @@ class EvaluationRounds:
     def versions(self) -> set[int]:
         """Versions that are under evaluation now."""
         return {version for _, version, _ in self._open.values()}
+
+
+def _place(report: EpisodeReport) -> str:
+    return f"{report.family}/{report.task}/{report.map_name}"
 
 
 class PublishedPolicies:

@@ -71,7 +71,7 @@ class Recorder:
 
     def write_evaluation(self, finished: Round) -> None:
         """Write the point of a complete round of evaluation."""
-        self._curves.write(self._ingest.keeper.updates, _named("evaluation", asdict(finished.means)))
+        self._curves.write(self._ingest.keeper.updates, _named("evaluation", finished.figures))
 
     def write_text(self, name: str, content: str) -> None:
         """Write a text, such as the configuration."""

@@ -115,6 +115,9 @@ def test_a_crowded_viewpoint_has_a_bounded_degree_and_all_its_neighbours() -> No
         target_known=False,
         target_offset=np.zeros(2, dtype=np.float32),
         target_links=np.zeros(0, dtype=np.uint16),
+        cell=0.0625,
+        reach=5.0,
+        route=np.zeros(0, dtype=np.uint16),
     )
     np.testing.assert_allclose(column(observation, "degree"), [2.0] + [0.05] * 60)
     distances = column(observation, "robot_graph_distance") * 20

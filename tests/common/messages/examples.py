@@ -34,6 +34,10 @@ def delivery() -> Delivery:
         target_offset=np.zeros((1, 2), dtype=np.float32),
         link_count=np.array([0], dtype=np.int32),
         target_links=np.zeros(0, dtype=np.uint16),
+        cell=np.array([0.0625], dtype=np.float32),
+        reach=np.array([5.0], dtype=np.float32),
+        route_count=np.array([1], dtype=np.int32),
+        route=np.array([1], dtype=np.uint16),
     )
     chunk = Chunk(
         episode=0,

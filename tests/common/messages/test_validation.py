@@ -35,6 +35,10 @@ def three_in_a_row(**changes) -> ObservationBatch:
         target_offset=np.array([[1.25, 0.5]], dtype=np.float32),
         link_count=np.array([2], dtype=np.int32),
         target_links=np.array([1, 2], dtype=np.uint16),
+        cell=np.array([0.0625], dtype=np.float32),
+        reach=np.array([5.0], dtype=np.float32),
+        route_count=np.array([2], dtype=np.int32),
+        route=np.array([0, 2], dtype=np.uint16),
     )
     return dataclasses.replace(
         batch, **{name: np.asarray(value, getattr(batch, name).dtype) for name, value in changes.items()}

@@ -19,7 +19,20 @@ from common.policy_file import read_policy
 from common.shipped import shipped_policy
 
 RECORD = np.load(Path(__file__).with_name("lattice_decisions.npz"))
-BATCH = ObservationBatch(**{field.name: RECORD[f"batch_{field.name}"] for field in fields(ObservationBatch)})
+_COUNT = len(RECORD["batch_count"])
+# What observations have had since then; the networks of that time do not read it.
+_SINCE = {
+    "cell": np.full(_COUNT, 0.0625, dtype=np.float32),
+    "reach": np.full(_COUNT, 5.0, dtype=np.float32),
+    "route_count": np.zeros(_COUNT, dtype=np.int32),
+    "route": np.zeros(0, dtype=np.uint16),
+}
+BATCH = ObservationBatch(
+    **{
+        field.name: _SINCE[field.name] if field.name in _SINCE else RECORD[f"batch_{field.name}"]
+        for field in fields(ObservationBatch)
+    }
+)
 
 
 def test_features_are_the_same() -> None:

@@ -50,6 +50,9 @@ def line(beacons: tuple[bool, bool, bool]) -> Observation:
         target_known=False,
         target_offset=np.zeros(2, dtype=np.float32),
         target_links=np.zeros(0, dtype=np.uint16),
+        cell=0.0625,
+        reach=5.0,
+        route=np.zeros(0, dtype=np.uint16),
     )
 
 
