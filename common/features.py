@@ -293,6 +293,54 @@ def _fill_guided(
 
 
 @njit(cache=True, nogil=True)
+def paths_toward(
+    neighbours: NDArray[np.int32],
+    lengths: NDArray[np.float64],
+    node_ptr: NDArray[np.int64],
+    robot: NDArray[np.int32],
+    has_target: NDArray[np.bool_],
+) -> NDArray[np.uint64]:
+    """Say with which of the robot's neighbours the shortest paths to each node begin.
+
+    Args:
+        neighbours: of a `NeighbourTable`, shape (nodes, W + 2).
+        lengths: likewise.
+        node_ptr: likewise, shape (k + 1,).
+        robot: node number of the robot's viewpoint, shape (k,).
+        has_target: whether the last node is the target, through which no path leads, shape (k,).
+
+    Returns:
+        Bit s of a node is set when a shortest path (any, if several) from the robot to it begins with the neighbour in
+        slot s of the robot's row, or s + 64, and so on; 0 where no path leads, uint64, shape (nodes,).
+    """
+    bits = np.zeros(len(neighbours), dtype=np.uint64)
+    slots = neighbours.shape[1]
+    for g in range(len(robot)):
+        first, last = node_ptr[g], node_ptr[g + 1]
+        target = last - first - 1 if has_target[g] else np.int64(-1)
+        here = np.int64(robot[g])
+        distance = np.full(last - first, np.inf)
+        distance[here] = 0.0
+        order = _shortest_paths(neighbours[first:last], lengths[first:last], first, target, distance)
+        for j in order:
+            if j == here:
+                continue
+            for slot in range(slots):
+                i = neighbours[first + j, slot] - first
+                if i < 0 or i in (j, target):
+                    continue
+                if abs(distance[i] + lengths[first + j, slot] - distance[j]) >= _TIE:
+                    continue
+                if i != here:
+                    bits[first + j] |= bits[first + i]
+                    continue
+                for own in range(slots):
+                    if neighbours[first + here, own] == first + j:
+                        bits[first + j] |= np.uint64(1) << np.uint64(own % 64)
+    return bits
+
+
+@njit(cache=True, nogil=True)
 def _shortest_paths(
     neighbours: NDArray[np.int32],
     lengths: NDArray[np.float64],

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import inspect
 import json
-from typing import Any
+from typing import Any, get_args
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
 
 from common.config.schema import RunConfig
 
@@ -47,29 +48,31 @@ def to_markdown(model: type[BaseModel] = RunConfig) -> str:
     lines = ["| setting | kind | default | meaning |", "| --- | --- | --- | --- |"]
     sections: list[str] = []
     for name, field in model.model_fields.items():
-        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+        annotation = field.annotation
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
             # The field can have other defaults than the section by itself.
             defaults = field.get_default(call_default_factory=True)
-            sections += [
-                "",
-                f"## `{name}`",
-                "",
-                inspect.cleandoc(field.annotation.__doc__ or ""),
-                "",
-                *lines[:2],
-            ]
-            sections += [
-                _row(f"{name}.{key}", item, getattr(defaults, key))
-                for key, item in field.annotation.model_fields.items()
-            ]
-        else:
-            lines.append(_row(name, field, field.get_default(call_default_factory=True)))
+            values = {key: getattr(defaults, key) for key in annotation.model_fields}
+            sections += _section(name, annotation, values)
+            continue
+        lines.append(_row(name, field, field.get_default(call_default_factory=True)))
+        for item in get_args(annotation):
+            if isinstance(item, type) and issubclass(item, BaseModel):
+                values = {key: each.get_default() for key, each in item.model_fields.items()}
+                sections += _section(name, item, values)
     return "\n".join(lines + sections) + "\n"
 
 
 def documentation() -> str:
     """Write docs/configuration.md."""
     return INTRODUCTION + "\n" + to_markdown()
+
+
+def _section(name: str, model: type[BaseModel], defaults: dict[str, Any]) -> list[str]:
+    """Return the lines of a section, or of one item of a list of sections."""
+    head = ["", f"## `{name}`", "", inspect.cleandoc(model.__doc__ or ""), ""]
+    rows = [_row(f"{name}.{key}", field, defaults[key]) for key, field in model.model_fields.items()]
+    return [*head, "| setting | kind | default | meaning |", "| --- | --- | --- | --- |", *rows]
 
 
 def _items(model: BaseModel) -> list[tuple[str, Any]]:
@@ -93,14 +96,16 @@ def _toml_value(value: Any) -> str:
 
 
 def _row(name: str, field: FieldInfo, default: Any) -> str:
-    shown = "not given" if default is None else json.dumps(default)
+    shown = "not given" if default is None else "required" if default is PydanticUndefined else json.dumps(default)
     meaning = " ".join((field.description or "").split()).replace("|", "\\|")
     return f"| `{name}` | {_kind(field)} | `{shown}` | {meaning} |"
 
 
 def _kind(field: FieldInfo) -> str:
     text = str(field.annotation)
-    if "Literal" in text:
+    if text.startswith("tuple[common.config.schema."):
+        return "list of tables"
+    if "Literal" in text and not text.startswith("tuple"):
         inner = text[text.index("[") + 1 : text.rindex("]")]
         return "one of " + ", ".join(f"`{part.strip().strip(chr(39))}`" for part in inner.split(","))
     names = {
@@ -110,6 +115,7 @@ def _kind(field: FieldInfo) -> str:
         "str": "text",
         "dict": "table of texts",
         "tuple[str": "list of texts",
+        "tuple[typing.Literal": "list of texts",
         "tuple[float": "list of numbers",
         "tuple[tuple": "list of points",
     }

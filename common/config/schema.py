@@ -207,9 +207,18 @@ class NetworkConfig(Section):
     robot, degree, distance to the nearest useful viewpoint, on a shortest path to a beacon, all from the belief;
     `guided`: also where a classical planner would go (`tour` in exploration, D* Lite in navigation), the range of the
     sensor, and frontiers by length instead of cells."""
-    graph: Literal["full", "reduced"] = "full"
-    """Nodes that the network reads: all reachable ones, or only those near the robot, useful ones, beacons and the
-    shortest paths to them: about half as many on public maps."""
+    graph: Literal["full", "reduced", "tokens"] = "full"
+    """Nodes that the network reads: all reachable ones; or only those near the robot, useful ones, beacons and the
+    shortest paths to them, about half as many on public maps; or `tokens`, for which useful ones and paths count near
+    the robot alone: a fifth to a quarter of all. The last needs the features `guided`."""
+    toward: bool = False
+    """Tell the waypoint decoder which waypoints lie on a shortest path to which beacon, as a bias of its logits."""
+
+    @model_validator(mode="after")
+    def _tokens_are_guided(self) -> NetworkConfig:
+        if self.graph == "tokens" and self.features != "guided":
+            raise ValueError("graph 'tokens' needs what the features 'guided' tell: set network.features to 'guided'")
+        return self
 
     @model_validator(mode="after")
     def _heads_divide_width(self) -> NetworkConfig:

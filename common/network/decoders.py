@@ -81,6 +81,8 @@ class WaypointDecoder(nn.Module):
         self.join = nn.Linear((2 if self.hierarchical else 1) * config.width, config.width)
         self.decoder = DecoderLayer(config)
         self.pointer = Pointer(config.width)
+        # Added to the logits of waypoints on a shortest path to the beacon.
+        self.toward = nn.Parameter(torch.zeros(1)) if config.toward else None
 
     def forward(self, nodes: Tensor, batch: GraphBatch) -> tuple[Tensor, Tensor]:
         """Return log π_a, shape (total pairs,), and the waypoints' pointer features, (total waypoints, d)."""
@@ -93,4 +95,6 @@ class WaypointDecoder(nn.Module):
         queries = self.pointer.query(queries).index_select(0, batch.pair_beacon)
         keys = self.pointer.key(nodes.index_select(0, batch.waypoint_rows))
         logits = self.pointer(queries, keys.index_select(0, batch.pair_waypoint))
+        if self.toward is not None:
+            logits = logits + self.toward * batch.toward
         return segment_log_softmax(logits, batch.pair_beacon, len(batch.beacon_rows)), keys

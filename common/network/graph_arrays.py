@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.config.schema import NetworkConfig
-from common.features import FEATURE_NAMES, feature_count, node_features
+from common.features import FEATURE_NAMES, feature_count, node_features, paths_toward
 from common.jit import njit
 from common.network.reduction import kept_rows, renumbered
 from common.observation import ObservationBatch
 from common.observation_index import EXTRA_SLOTS, LINK_SLOT, neighbour_table
 
+_TARGET = FEATURE_NAMES["paper"].index("target")
 _BEACON = FEATURE_NAMES["paper"].index("beacon")
 
 
@@ -44,6 +45,8 @@ class GraphArrays:
         pair_ptr: first pair of each observation, then their number, int64, shape (k + 1,).
         nodes: node number, within its observation, of each row, int64, shape (nodes,).
         has_beacons: False for `vanilla`.
+        toward: 1 for pairs whose waypoint begins a shortest path to the beacon, else 0, float32, shape (total pairs,);
+            empty unless the network reads it.
     """
 
     features: NDArray[np.float32]
@@ -58,6 +61,7 @@ class GraphArrays:
     pair_ptr: NDArray[np.int64]
     nodes: NDArray[np.int64]
     has_beacons: bool
+    toward: NDArray[np.float32]
 
     def __len__(self) -> int:
         return len(self.robot_rows)
@@ -69,14 +73,18 @@ class GraphArrays:
         neighbours, node_ptr = table.rows, table.node_ptr
         robot_rows = node_ptr[:-1] + batch.robot
         nodes = np.arange(len(neighbours)) - np.repeat(node_ptr[:-1], np.diff(node_ptr))
-        if config.graph == "reduced":
+        toward = (
+            paths_toward(table.rows, table.lengths, node_ptr, batch.robot, batch.has_target) if config.toward else None
+        )
+        if config.graph != "full":
             features = node_features(batch, table, "guided" if config.features == "guided" else "extended")
-            kept = kept_rows(features, neighbours, robot_rows)
+            kept = kept_rows(features, neighbours, robot_rows, tokens=config.graph == "tokens")
             place = np.where(kept, np.cumsum(kept) - 1, -1)
             neighbours = renumbered(neighbours, kept, place)
             features = np.ascontiguousarray(features[kept, : feature_count(config.features)])
             node_ptr = np.append(0, np.cumsum(kept))[node_ptr]
             nodes, robot_rows = nodes[kept], place[robot_rows]
+            toward = toward[kept] if toward is not None else None
         else:
             features = node_features(batch, table, config.features)
         hierarchical = config.variant != "vanilla"
@@ -87,6 +95,12 @@ class GraphArrays:
             beacon_rows, beacon_ptr = robot_rows.copy(), np.arange(len(batch) + 1)
         waypoint_rows, waypoint_ptr = _waypoint_sets(neighbours, robot_rows, batch.has_target & batch.target_known)
         pairs, pair_ptr = _pair_table(beacon_ptr, waypoint_ptr)
+        on_path = np.zeros(len(pairs) if toward is not None else 0, dtype=np.float32)
+        if toward is not None:
+            slots = np.arange(len(waypoint_rows)) - np.repeat(waypoint_ptr[:-1], np.diff(waypoint_ptr))
+            slots[features[waypoint_rows, _TARGET] > 0.0] = neighbours.shape[1] - 1
+            bits = toward[beacon_rows[pairs[:, 1]]] >> (slots[pairs[:, 2]] % 64).astype(np.uint64)
+            on_path[:] = bits & np.uint64(1)
         return cls(
             features=features,
             neighbours=neighbours,
@@ -100,6 +114,7 @@ class GraphArrays:
             pair_ptr=pair_ptr,
             nodes=nodes,
             has_beacons=hierarchical,
+            toward=on_path,
         )
 
     def beacon_slots(self, nodes: NDArray[np.int32]) -> NDArray[np.int64]:

@@ -34,6 +34,7 @@ class GraphBatch:
         pair_graph: observation of each pair, int64, shape (total pairs,).
         pair_beacon: beacon slot of each pair, int64, shape (total pairs,).
         pair_waypoint: waypoint slot of each pair, int64, shape (total pairs,).
+        toward: as in `GraphArrays`.
     """
 
     arrays: GraphArrays
@@ -51,6 +52,7 @@ class GraphBatch:
     pair_graph: Tensor
     pair_beacon: Tensor
     pair_waypoint: Tensor
+    toward: Tensor
 
     def __len__(self) -> int:
         return len(self.robot_rows)
@@ -80,6 +82,7 @@ class GraphBatch:
             pair_graph=torch.from_numpy(pairs[0]),
             pair_beacon=torch.from_numpy(pairs[1]),
             pair_waypoint=torch.from_numpy(pairs[2]),
+            toward=torch.from_numpy(arrays.toward),
         )
 
     def to(self, device: torch.device | str) -> GraphBatch:

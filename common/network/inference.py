@@ -61,7 +61,10 @@ class InferenceNetwork:
             log_beacon = np.zeros(1, dtype=np.float32)
             joined = robot
         asked = self._decode("waypoint_decoder", self._linear("waypoint_decoder.join", joined), nodes)
-        return log_beacon, _log_softmax(self._point("waypoint_decoder", asked, waypoints))
+        logits = self._point("waypoint_decoder", asked, waypoints)
+        if self.config.toward:
+            logits += self._weights["waypoint_decoder.toward"] * graph.toward.reshape(logits.shape)
+        return log_beacon, _log_softmax(logits)
 
     def _encode(self, graph: GraphArrays) -> Array:
         weights, width = self._weights, self.config.width

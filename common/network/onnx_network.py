@@ -64,6 +64,7 @@ class OnnxNetwork:
             "robot": graph.robot_rows,
             "beacons": graph.beacon_rows,
             "waypoints": graph.waypoint_rows,
+            "toward": graph.toward.reshape(len(graph.beacon_rows), -1),
         }
         log_beacon, log_waypoint = self._session.run(
             ["log_beacon", "log_waypoint"], {name: array for name, array in feed.items() if name in self._inputs}

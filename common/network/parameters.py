@@ -56,6 +56,8 @@ def parameter_shapes(config: NetworkConfig) -> Shapes:
     if config.variant != "vanilla":
         decoder("beacon_decoder")
     linear("waypoint_decoder.join", (1 if config.variant == "vanilla" else 2) * width, width)
+    if config.toward:
+        shapes["waypoint_decoder.toward"] = (1,)
     decoder("waypoint_decoder")
     return shapes
 
@@ -67,6 +69,9 @@ def initial_parameters(config: NetworkConfig, seed: int) -> dict[str, NDArray[np
     bound = 1.0
     for name, shape in parameter_shapes(config).items():
         kind = name.split(".")[-2]
+        if name.endswith(".toward"):
+            arrays[name] = np.zeros(shape, dtype=np.float32)
+            continue
         if "norm" in kind:
             arrays[name] = np.full(shape, float(name.endswith("weight")), dtype=np.float32)
             continue
@@ -77,7 +82,7 @@ def initial_parameters(config: NetworkConfig, seed: int) -> dict[str, NDArray[np
 
 
 def with_features(arrays: Arrays, trained: NetworkConfig, wanted: NetworkConfig) -> dict[str, NDArray[np.float32]]:
-    """Return weights for a network that reads more features, which change nothing at first: their weights are 0.
+    """Return weights for a network that reads more, which changes nothing at first: the new weights are 0.
 
     Args:
         arrays: weights of a network of ``trained``.
@@ -89,6 +94,8 @@ def with_features(arrays: Arrays, trained: NetworkConfig, wanted: NetworkConfig)
     grown = dict(arrays)
     if missing > 0 and name in grown:
         grown[name] = np.pad(grown[name], ((0, 0), (0, missing)))
+    if wanted.toward:
+        grown.setdefault("waypoint_decoder.toward", np.zeros(1, dtype=np.float32))
     return grown
 
 

@@ -29,7 +29,8 @@ def onnx_model(config: NetworkConfig, arrays: Arrays) -> bytes:
     - ``neighbours``: int64, (N, S), rows that a node attends to, -1 where absent, as in `GraphArrays`;
     - ``robot``: int64, (1,), row of the robot's node;
     - ``beacons``: int64, (B,), rows of the beacons; not there in `vanilla`;
-    - ``waypoints``: int64, (W,), rows of the waypoints.
+    - ``waypoints``: int64, (W,), rows of the waypoints;
+    - ``toward``: float32, (B, W), see `GraphArrays`; where the network reads it.
 
     Outputs: ``log_beacon``, float32, (B,), and ``log_waypoint``, float32, (B, W); B is 1 in `vanilla`.
 
@@ -53,12 +54,14 @@ def onnx_model(config: NetworkConfig, arrays: Arrays) -> bytes:
     number, floats = onnx.TensorProto.INT64, onnx.TensorProto.FLOAT
     beacons = "B" if builder.hierarchical else 1
     beacon_rows: list[ValueInfo] = [("beacons", number, ["B"])] if builder.hierarchical else []
+    toward: list[ValueInfo] = [("toward", floats, [beacons, "W"])] if config.toward else []
     inputs: list[ValueInfo] = [
         ("features", floats, ["N", feature_count(config.features)]),
         ("neighbours", number, ["N", "S"]),
         ("robot", number, [1]),
         *beacon_rows,
         ("waypoints", number, ["W"]),
+        *toward,
     ]
     outputs: list[ValueInfo] = [
         ("log_beacon", floats, [beacons]),
@@ -111,7 +114,10 @@ class _Builder:
             asking = self.op("Concat", beacons, repeated, axis=1)
         waypoints = self.op("Gather", nodes, "waypoints", axis=0)
         asked = self._decode("waypoint_decoder", self._linear("waypoint_decoder.join", asking), nodes)
-        return log_beacon, self._point("waypoint_decoder", asked, waypoints)
+        bias = None
+        if self._config.toward:
+            bias = self.op("Mul", "toward", self._constant(self._arrays["waypoint_decoder.toward"]))
+        return log_beacon, self._point("waypoint_decoder", asked, waypoints, bias)
 
     def op(self, kind: str, *inputs: str, name: str | None = None, **attributes: Any) -> str:
         """Add an operator of one output."""
@@ -170,7 +176,7 @@ class _Builder:
         queries = self.op("Add", queries, self._feedforward(f"{name}.feedforward", normed))
         return self._norm(f"{name}.norm", queries)
 
-    def _point(self, decoder: str, asked: str, choices: str) -> str:
+    def _point(self, decoder: str, asked: str, choices: str, bias: str | None = None) -> str:
         """Return log-probabilities over the choices, (queries, choices)."""
         scale = np.float32(math.sqrt(self._config.width))
         query = self._arrays[f"{decoder}.pointer.query.weight"] / scale
@@ -178,7 +184,8 @@ class _Builder:
         keys = self.op("MatMul", choices, self._constant(self._arrays[f"{decoder}.pointer.key.weight"].T))
         scores = self.op("Tanh", self.op("MatMul", queries, self.op("Transpose", keys, perm=[1, 0])))
         limit = self._constant(np.array(_LOGIT_LIMIT, dtype=np.float32))
-        return self.op("LogSoftmax", self.op("Mul", scores, limit), axis=-1)
+        logits = self.op("Mul", scores, limit)
+        return self.op("LogSoftmax", logits if bias is None else self.op("Add", logits, bias), axis=-1)
 
     def _linear(self, name: str, inputs: str) -> str:
         weight = self._constant(self._arrays[f"{name}.weight"].T)

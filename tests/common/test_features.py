@@ -85,6 +85,33 @@ def test_plain_columns(observation: Observation) -> None:
     np.testing.assert_array_equal(arrays_of(observation, "paper").features, features[:, :10])
 
 
+@settings(max_examples=40, deadline=None)
+@given(observations(25))
+def test_guided_columns(observation: Observation) -> None:
+    features = arrays_of(observation, "guided").features
+    names = FEATURE_NAMES["guided"]
+    found = {name: features[:, names.index(name)] for name in names}
+    n = observation.viewpoints
+    steps = observation.steps
+    expected = np.zeros((observation.nodes, 3))
+    length, here = 0.0, observation.robot
+    for there in observation.route.astype(int):
+        length += float(np.hypot(*(steps[there] - steps[here])))
+        if not expected[there, 0]:
+            expected[there, :2] = 1.0, min(length / 20, 8.0)
+        here = there
+    if len(observation.route):
+        expected[observation.route[0], 2] = 1.0
+    columns = [found[name] for name in ("on_route", "route_distance", "route_next")]
+    np.testing.assert_allclose(np.stack(columns, axis=1), expected, atol=1e-5)
+    np.testing.assert_allclose(found["reach"], observation.reach / 10, rtol=1e-6)
+    # Sixteen cells to a step count once.
+    metres = observation.utility * observation.cell * 16
+    np.testing.assert_allclose(np.expm1(found["utility"][:n] * 4), metres, rtol=1e-4, atol=1e-5)
+    assert np.isfinite(features).all()
+    assert np.abs(features).max() <= 8.0
+
+
 def test_batches_hold_what_single_observations_hold() -> None:
     batch = random_batch(np.random.default_rng(0), 8)
     together = GraphArrays.from_observations(batch, NetworkConfig())

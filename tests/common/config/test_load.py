@@ -104,6 +104,14 @@ def test_the_resolved_configuration_reads_back_equal(tmp_path):
     assert load_config(file) == config
 
 
+def test_families_read_back_equal(tmp_path):
+    config = load_config(preset="exploration")
+    assert config.families
+    file = tmp_path / "resolved.toml"
+    file.write_text(to_toml(config))
+    assert load_config(file) == config
+
+
 def test_every_setting_is_documented():
     reference = to_markdown()
     for path, field in all_fields():

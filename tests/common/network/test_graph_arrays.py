@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from common.config.schema import NetworkConfig
 from common.network.graph_arrays import GraphArrays
+from common.observation_index import neighbour_table
 from tests.observations import random_batch
 
 
@@ -43,3 +44,47 @@ def test_a_wrong_choice_is_named() -> None:
         arrays.pair_index(beacons, robots)
     with pytest.raises(ValueError, match="is -1"):
         arrays.pair_index(np.full(3, -1, dtype=np.int32), np.full(3, -1, dtype=np.int32))
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_toward_tells_which_waypoints_begin_a_shortest_path_to_a_beacon(seed: int) -> None:
+    batch = random_batch(np.random.default_rng(seed), 2, (2, 20))
+    arrays = GraphArrays.from_observations(batch, NetworkConfig(toward=True))
+    table = neighbour_table(batch)
+    for (g, beacon, waypoint), found in zip(arrays.pairs, arrays.toward, strict=True):
+        # Floyd and Warshall, with the target as an end point alone.
+        first, last = int(table.node_ptr[g]), int(table.node_ptr[g + 1])
+        lengths = np.full((last - first, last - first), np.inf)
+        for row in range(first, last):
+            for slot, other in enumerate(table.rows[row]):
+                if other >= 0:
+                    lengths[row - first, other - first] = min(
+                        table.lengths[row, slot], lengths[row - first, other - first]
+                    )
+        np.fill_diagonal(lengths, 0.0)
+        between = lengths.copy()
+        target = last - first - 1 if batch.has_target[g] else -1
+        for middle in range(last - first):
+            if middle != target:
+                between = np.minimum(between, between[:, middle, None] + between[None, middle])
+        robot = int(batch.robot[g])
+        b, w = int(arrays.beacon_rows[beacon]) - first, int(arrays.waypoint_rows[waypoint]) - first
+        rest = 0.0 if w == b else (np.inf if w == target else between[w, b])
+        expected = np.isfinite(between[robot, b]) and abs(lengths[robot, w] + rest - between[robot, b]) < 1e-6
+        assert found == expected
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_tokens_keep_what_a_decision_turns_on(seed: int) -> None:
+    batch = random_batch(np.random.default_rng(seed), 1, (20, 40))
+    observation = batch[0]
+    config = NetworkConfig(features="guided", graph="tokens")
+    tokens = GraphArrays.from_observations(batch, config)
+    reduced = GraphArrays.from_observations(batch, NetworkConfig(features="guided", graph="reduced"))
+    assert set(tokens.nodes) <= set(reduced.nodes)
+    assert {observation.robot, *observation.beacon_nodes(), *observation.waypoint_nodes()} <= set(tokens.nodes)
+    assert set(observation.route.astype(int)) <= set(tokens.nodes)
+    np.testing.assert_array_equal(tokens.nodes[tokens.waypoint_rows], observation.waypoint_nodes())
+    np.testing.assert_array_equal(tokens.nodes[tokens.beacon_rows], observation.beacon_nodes())

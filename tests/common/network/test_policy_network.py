@@ -36,7 +36,7 @@ def gradients(module: torch.nn.Module) -> dict[str, torch.Tensor]:
     seed=st.integers(0, 2**32 - 1),
     count=st.integers(1, 5),
     variant=st.sampled_from(VARIANTS),
-    features=st.sampled_from(["paper", "extended"]),
+    features=st.sampled_from(["paper", "extended", "guided"]),
     heads=st.sampled_from([1, 2, 4, 8, 16]),
 )
 def test_equals_dense_implementation(seed: int, count: int, variant: str, features: str, heads: int) -> None:

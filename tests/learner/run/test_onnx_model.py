@@ -27,10 +27,10 @@ pytest.importorskip("onnxruntime")
 
 CONFIGS = {
     f"{variant}-{features}-{graph}": NetworkConfig(
-        variant=variant, features=features, graph=graph, width=32, heads=4, layers=2
+        variant=variant, features=features, graph=graph, toward=graph == "tokens", width=32, heads=4, layers=2
     )
     for variant in ("vanilla", "hierarchical", "hdplanner")
-    for features, graph in (("paper", "full"), ("extended", "full"), ("extended", "reduced"))
+    for features, graph in (("paper", "full"), ("extended", "full"), ("extended", "reduced"), ("guided", "tokens"))
 }
 
 

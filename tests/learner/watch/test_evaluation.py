@@ -1,7 +1,7 @@
 import json
 
 from learner.run.episodes import EpisodeLog
-from learner.watch.evaluation import EvaluationRounds, PublishedPolicies, Score
+from learner.watch.evaluation import EvaluationRounds, PublishedPolicies, Round, Score
 from tests.learner.experience import episode_report
 
 
@@ -30,8 +30,29 @@ def test_unfinished_rounds_are_given_up_and_evaluators_counted_apart():
 
 
 def test_success_counts_before_distance():
-    assert Score(0.9, -400.0) > Score(0.8, -100.0)
-    assert Score(0.9, -100.0) > Score(0.9, -101.0)
+    assert Score.of({"success": 0.9, "distance": 400.0}) > Score.of({"success": 0.8, "distance": 100.0})
+    assert Score.of({"success": 0.9, "distance": 100.0}) > Score.of({"success": 0.9, "distance": 101.0})
+
+
+def test_of_a_mix_the_worst_family_counts_and_failures_count_twice():
+    good = [evaluate(1, "a", family="one", distance=90.0, classical_distance=100.0)]
+    rounds = [
+        Round.of(1, [*good, evaluate(1, "a", family="two", distance=300.0, classical_distance=200.0)]),
+        Round.of(1, [*good, evaluate(1, "a", family="two", distance=120.0, classical_distance=200.0, success=False)]),
+        Round.of(1, [*good, evaluate(1, "a", family="two", distance=190.0, classical_distance=200.0)]),
+    ]
+    assert [done.ratios["two/exploration"] for done in rounds] == [1.5, 1.2, 0.95]
+    assert rounds[0].figures["worst_ratio"] == 1.5
+    scores = [Score.of(done.figures) for done in rounds]
+    assert scores[0] < scores[1] < scores[2]
+
+
+def test_worlds_of_one_name_in_two_families_are_two():
+    rounds = EvaluationRounds(worlds=2)
+    assert rounds.add("eval-0", 1, evaluate(5, "a", family="one")) is None
+    restored = EvaluationRounds(worlds=2)
+    restored.restore(json.loads(json.dumps(rounds.state())))
+    assert restored.add("eval-0", 1, evaluate(5, "a", family="two")) is not None
 
 
 def test_policies_under_evaluation_outlive_the_others():
