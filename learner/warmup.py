@@ -63,7 +63,13 @@ def _chunk() -> Chunk:
         waypoints=np.array([nodes[0] for nodes in choices], dtype=np.int32),
         rewards=np.zeros(steps, dtype=np.float32),
         versions=np.zeros(steps, dtype=np.int64),
-        labels=ExpertLabels(cost=cost, beacon=np.zeros(steps, dtype=np.int32)),
+        probabilities=np.full(steps, 0.5, dtype=np.float32),
+        labels=ExpertLabels(
+            cost=cost,
+            beacon=np.zeros(steps, dtype=np.int32),
+            remaining=np.full(steps, 8.0, dtype=np.float32),
+            unseen=np.full(steps, 50.0, dtype=np.float32),
+        ),
         end=End.TERMINAL,
     )
 
