@@ -12,7 +12,7 @@ from torch.nn import functional
 
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyOutput
-from common.network.segment import segment_argmax, segment_sum
+from common.network.segment import segment_argmax, segment_logsumexp, segment_sum
 
 
 def joint_log_probability(output: PolicyOutput, batch: GraphBatch) -> Tensor:
@@ -24,6 +24,11 @@ def waypoint_marginal(values: Tensor, output: PolicyOutput, batch: GraphBatch) -
     """Return Σ_b π_b(b | o) x(b, a) of every waypoint slot, for values x of the pairs, shape (total waypoints,)."""
     weights = output.log_beacon.exp().index_select(0, batch.pair_beacon)
     return segment_sum(weights * values, batch.pair_waypoint, len(batch.waypoint_rows))
+
+
+def log_marginal(output: PolicyOutput, batch: GraphBatch) -> Tensor:
+    """Return log Σ_b π_b(b | o) π_a(a | o, b) of every waypoint slot, shape (total waypoints,)."""
+    return segment_logsumexp(joint_log_probability(output, batch), batch.pair_waypoint, len(batch.waypoint_rows))
 
 
 def soft_value(

@@ -70,14 +70,14 @@ class Sample:
                 raise ValueError("a privileged critic learns from labelled transitions alone: sample those")
             # The o' of a time limit has no labels, because nothing was decided there.
             usable = usable & (batch.next_labelled | batch.terminal)
-            told = _told(batch.labels.cost, config).to(device)
+            told = told_rewards(batch.labels.cost, config).to(device)
         known = usable & ~batch.terminal
         after = None
         if bootstrap and known.any():
             graphs = GraphBatch.from_observations(batch.next_observations.select(known), config.network)
             if privileged and batch.next_labels is not None:
                 choices = waypoint_counts(batch.next_observations)
-                told_after = _told(batch.next_labels.cost[np.repeat(known, choices)], config).to(device)
+                told_after = told_rewards(batch.next_labels.cost[np.repeat(known, choices)], config).to(device)
             after = graphs.to(device)
         guidance = None
         if batch.labels is not None and batch.labelled.any():
@@ -101,7 +101,7 @@ class Sample:
         )
 
 
-def _told(cost: NDArray[np.float32], config: RunConfig) -> Tensor:
-    """Minus the detours in units of the potential reward; dead ends count as the imitation loss counts them."""
+def told_rewards(cost: NDArray[np.float32], config: RunConfig) -> Tensor:
+    """Return minus the detours, in units of the potential reward; dead ends count as the imitation loss counts them."""
     largest = config.cloning.max_cost * config.cloning.cost_scale
     return torch.from_numpy(-np.minimum(cost, largest) / np.float32(config.reward.potential_scale))
