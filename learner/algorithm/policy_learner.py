@@ -173,7 +173,7 @@ class PolicyLearner(ABC):
     def _descend(
         self, loss: Tensor, rate: float, output: PolicyOutput, batch: GraphBatch, metrics: dict[str, Tensor]
     ) -> None:
-        """Move the policy down a loss, and its average after it: faster at first, as early weights are soon forgotten."""
+        """Move the policy down a loss, and the average after it, which soon forgets the first updates."""
         metrics["gradient/policy"] = self._optimisers["policy"].step(loss, rate)
         with torch.no_grad():
             of_beacon, of_waypoint = entropies(output, batch)
