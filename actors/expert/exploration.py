@@ -26,22 +26,27 @@ class ExplorationExpert:
     """Plans for the cells that are really missing, down to the stopping rule.
 
     Per map: the true viewpoint graph, what each viewpoint sees, all distances. Per state: a covering tour from the
-    robot (kept from the last state when that is shorter, so that the expert does not waver), then the tour that
-    remains from each waypoint. A viewpoint that the robot has visited shows nothing new, whatever the true map says:
-    so no tour begins where the robot stands, and none returns for cells that the sensor cannot resolve.
+    robot, then the tour that remains from each waypoint. The tour is the shortest of several, the one kept from the
+    last state among them, so that the expert does not waver and its word on a state depends little on chance. A
+    viewpoint that the robot has visited shows nothing new, whatever the true map says: so no tour begins where the
+    robot stands, and none returns for cells that the sensor cannot resolve.
 
     Args:
         mapping: lattice and sensor.
         unseen_area: the task's tolerance, square metres.
         beams: beams of a scan.
-        starts: covering tours that are tried at the first state of a map; the shortest is kept.
+        starts: fresh covering tours that are tried at the first state of a map; the shortest is kept.
+        tries: fresh covering tours that are tried at every other state, beside the kept one.
     """
 
-    def __init__(self, mapping: MappingConfig, unseen_area: float, *, beams: int = 720, starts: int = 12) -> None:
+    def __init__(
+        self, mapping: MappingConfig, unseen_area: float, *, beams: int = 720, starts: int = 12, tries: int = 3
+    ) -> None:
         self._mapping = mapping
         self._unseen_area = unseen_area
         self._beams = beams
         self._starts = starts
+        self._tries = tries
         self._world: GridMap | None = None
 
     def reset(self, world: GridMap) -> None:
@@ -125,10 +130,10 @@ class ExplorationExpert:
         kept = previous[allowed[previous] & (gains[previous] > 0)]
         if len(kept):
             candidates.insert(0, plan(kept, self._ones))
-        elif not self._routes:
-            # The first state of a map: worth a few more tries, from an own source of chance so that it repeats.
-            rng = np.random.default_rng(len(gains))
-            candidates += [plan(NO_STOPS, np.exp(rng.normal(0.0, 0.4, len(gains)))) for _ in range(self._starts - 1)]
+        # Other tours from perturbed gains; the source of chance is the state's own, so that they repeat.
+        rng = np.random.default_rng([robot, len(coverage.unseen_cells), len(scanned)])
+        tries = self._tries if self._routes else self._starts
+        candidates += [plan(NO_STOPS, np.exp(rng.normal(0.0, 0.4, len(gains)))) for _ in range(tries - 1)]
         lengths = [tour_length(distances, robot, stops) for stops in candidates]
         return candidates[int(np.argmin(lengths))], allowed
 
