@@ -239,11 +239,11 @@ class PpoConfig(Section):
     weight: Annotated[float, Field(ge=0.0)] = 1.0
     """Weight of the clipped loss beside the imitation loss, which holds the exact sum."""
     max_advantage: Positive = 4.0
-    """Advantages beyond this many times the usual size of their family count as this."""
+    """Advantages beyond this many standard deviations of their family of worlds count as this."""
     scale_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 0.002
-    """Weight of one new advantage in the running size of its family."""
-    value: Positive = 1e-3
-    """Learning rate of the value function."""
+    """Weight of one new advantage in the running mean and standard deviation of its family."""
+    value: Positive = 5e-3
+    """Learning rate of the value function, constant."""
     value_only_updates: Annotated[int, Field(ge=0)] = 100
     """First updates after imitation that train only the value function."""
     huber_delta: Positive = 4.0

@@ -31,7 +31,8 @@ class PpoLearner(PolicyLearner):
         cloning_loss + ppo.weight · mean −min(ρ A', clip(ρ) A'),    ρ = π(a_t) / π_behaviour(a_t),
 
     where π is the marginal of the waypoints and A' = A + c(a_t) − Σ_a π(a) c(a), with A = R_n + γ^m V(s') − V(s), is
-    the advantage without the part that the exact sum has already; A' counts in units of its family's usual size.
+    the advantage without the part that the exact sum has already. A' counts from the running mean of its family of
+    worlds, which costs no bias and forgives a value function that lags behind, and in units of its standard deviation.
     """
 
     def __init__(self, config: RunConfig, device: torch.device) -> None:
@@ -71,7 +72,7 @@ class PpoLearner(PolicyLearner):
             advantage = goal - value
         if len(returns):
             loss = critic_loss(value, goal, self.config.ppo.huber_delta)
-            metrics["gradient/value"] = self._optimisers["value"].step(loss, self._rate(self.config.ppo.value))
+            metrics["gradient/value"] = self._optimisers["value"].step(loss, self.config.ppo.value)
             metrics["loss/value"] = loss
             metrics["value/v"] = value.mean()
             metrics["value/target"] = goal.mean()
@@ -91,10 +92,9 @@ class PpoLearner(PolicyLearner):
         detour = -told_rewards(sample.guidance.cost, config)
         log_waypoint = log_marginal(output, batch)
         expected = segment_sum(log_waypoint.detach().exp() * detour, batch.waypoint_graph, len(batch))
-        rest = self._rest(returns, advantage + detour[returns.slot] - expected[returns.rows], metrics)
+        rest, size = self._rest(returns, advantage + detour[returns.slot] - expected[returns.rows], metrics)
         if len(returns):
             log_ratio = log_waypoint[returns.slot] - returns.probability.log()
-            size = self.scales.sizes()[returns.family]
             surrogate = clipped_surrogate(log_ratio, rest / size, config.ppo.clip)
             loss = loss + config.ppo.weight * surrogate
             ratio = log_ratio.detach().exp()
@@ -108,19 +108,23 @@ class PpoLearner(PolicyLearner):
         metrics["loss/policy"] = loss
         self._descend(loss, self._rate(config.adam.policy), output, batch, metrics)
 
-    def _rest(self, returns: Returns, rest: Tensor, metrics: dict[str, Tensor]) -> Tensor:
-        """Bound A' by `ppo.max_advantage` sizes of its family, after taking note of it; units of reward, shape (n,)."""
+    def _rest(self, returns: Returns, rest: Tensor, metrics: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
+        """Take note of A', and return it less the mean of its family, bounded, with that family's standard deviation.
+
+        Both in units of reward, shape (n,); the bound is `ppo.max_advantage` standard deviations.
+        """
         # A state that the expert calls a dead end moves its potential by a kilometre: bounded as its detours are.
         bound = largest_told(self.config)
         rest = rest.clamp(-bound, bound)
         self.scales.add(rest, returns.family)
-        size = self.scales.sizes()
+        usual, size = self.scales.usual()
         if len(returns):
             metrics["advantage/rest"] = rest.mean()
             for family in sorted(set(returns.family.tolist())):
                 metrics[f"advantage/size_{family}"] = size[family]
-        most = self.config.ppo.max_advantage * size[returns.family]
-        return torch.minimum(torch.maximum(rest, -most), most)
+        unit = size[returns.family]
+        most = self.config.ppo.max_advantage * unit
+        return torch.minimum(torch.maximum(rest - usual[returns.family], -most), most), unit
 
     def _judge(self, detour: Tensor, returns: Returns, rest: Tensor) -> Tensor:
         """Return what plays the part of Q in the contrastive loss, by waypoint slot: −c, with A' where it is known.

@@ -94,7 +94,7 @@ def _spread(
 
 
 class FamilyScales(nn.Module):
-    """How large advantages usually are in each family of worlds: a running root mean square, in units of reward."""
+    """What advantages usually are in each family of worlds: running mean and standard deviation, in units of reward."""
 
     LEAST = 0.1
     """No family counts as quieter than this."""
@@ -103,18 +103,26 @@ class FamilyScales(nn.Module):
         super().__init__()
         self._rate = rate
         self.weight: Tensor
+        self.total: Tensor
         self.square: Tensor
-        self.register_buffer("weight", torch.zeros(families))
-        self.register_buffer("square", torch.zeros(families))
+        for name in ("weight", "total", "square"):
+            self.register_buffer(name, torch.zeros(families))
 
     def add(self, advantages: Tensor, families: Tensor) -> None:
         """Take note of new advantages, shape (n,), and of their families, int64, shape (n,)."""
-        count = torch.zeros_like(self.weight).index_add_(0, families, torch.ones_like(advantages))
-        squares = torch.zeros_like(self.weight).index_add_(0, families, advantages.square())
+        count = self._sums(torch.ones_like(advantages), families)
         kept = (1.0 - self._rate) ** count
+        share = (1.0 - kept) / count.clamp(min=1.0)
         self.weight.mul_(kept).add_(1.0 - kept)
-        self.square.mul_(kept).add_((1.0 - kept) * squares / count.clamp(min=1.0))
+        self.total.mul_(kept).add_(share * self._sums(advantages, families))
+        self.square.mul_(kept).add_(share * self._sums(advantages.square(), families))
 
-    def sizes(self) -> Tensor:
-        """Return the size of every family, shape (families,); `LEAST` for one that was never seen."""
-        return (self.square / self.weight.clamp(min=1e-12)).sqrt().clamp(min=self.LEAST)
+    def usual(self) -> tuple[Tensor, Tensor]:
+        """Return mean and standard deviation of every family, shape (families,); 0 and `LEAST` where none was seen."""
+        weight = self.weight.clamp(min=1e-12)
+        mean = self.total / weight
+        variance = (self.square / weight - mean.square()).clamp(min=0.0)
+        return mean, variance.sqrt().clamp(min=self.LEAST)
+
+    def _sums(self, values: Tensor, families: Tensor) -> Tensor:
+        return torch.zeros_like(self.weight).index_add_(0, families, values)

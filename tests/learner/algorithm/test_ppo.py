@@ -112,8 +112,8 @@ def test_the_loss_of_an_update_by_hand() -> None:
     for k, slot in enumerate(chosen(batch)[:5]):  # the last was no choice of the policy
         rest.append(batch.rewards[k] + costs[k][slot] - per_state[k] @ costs[k])
         ratio.append(per_state[k][slot] / batch.probabilities[k])
-    size = np.sqrt(np.mean(np.square(rest)))
-    scaled = np.clip(np.array(rest) / size, -4.0, 4.0)
+    size = np.std(rest)
+    scaled = np.clip((np.array(rest) - np.mean(rest)) / size, -4.0, 4.0)
     surrogate = -np.minimum(np.array(ratio) * scaled, np.clip(ratio, 0.8, 1.2) * scaled).mean()
     metrics = learner.update(batch)
     assert metrics["advantage/size_0"] == pytest.approx(size, rel=1e-4)
@@ -201,20 +201,19 @@ def test_returns_need_labels() -> None:
         PpoLearner(ppo_config(), CPU).update(batches(8, 1)[0])
 
 
-def test_each_family_has_its_own_size() -> None:
+def test_each_family_has_its_own_mean_and_size() -> None:
     scales = FamilyScales(rate=0.01)
     rng = np.random.default_rng(0)
     for _ in range(100):
         family = torch.from_numpy(rng.integers(2, size=20))
-        scales.add(
-            torch.from_numpy(rng.normal(size=20).astype(np.float32)) * torch.where(family == 1, 10.0, 1.0), family
-        )
-    sizes = scales.sizes()
-    assert sizes[:2].numpy() == pytest.approx([1.0, 10.0], rel=0.2)
-    assert sizes[2] == pytest.approx(FamilyScales.LEAST)
+        drawn = torch.from_numpy(rng.normal(size=20).astype(np.float32))
+        scales.add(torch.where(family == 1, 10.0 * drawn - 30.0, drawn), family)
+    mean, size = scales.usual()
+    assert mean[:3].numpy() == pytest.approx([0.0, -30.0, 0.0], abs=3.0)
+    assert size[:3].numpy() == pytest.approx([1.0, 10.0, FamilyScales.LEAST], rel=0.2)
     once = FamilyScales(rate=0.01)
-    once.add(torch.tensor([3.0, 4.0]), torch.tensor([7, 7]))
-    assert once.sizes()[7].item() == pytest.approx(np.sqrt(12.5), rel=1e-5)
+    once.add(torch.tensor([3.0, 5.0]), torch.tensor([7, 7]))
+    assert [float(value[7]) for value in once.usual()] == pytest.approx([4.0, 1.0], rel=1e-4)
 
 
 def test_value_features_are_bounded_and_do_not_turn_with_the_world() -> None:
