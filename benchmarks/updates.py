@@ -1,10 +1,11 @@
 """Measure learner updates at batch 64 on real transitions, and the gain over a plain padded, dense implementation.
 
-`python -m benchmarks.updates [--repeats N]`: for both sizes updates of soft actor-critic, proximal policy optimisation
-and imitation, in fp32 on the whole graph, in bfloat16, and in bfloat16 on the reduced graph, which is how the shipped
-policies are trained. Times are processor seconds of one thread, so that other work on the machine takes little part; run it with OMP_NUM_THREADS=1 and
-the malloc settings of `common.runtime`. The dense figures are forward and backward of the policy alone: the padded,
-masked fp32 implementation of the tests against ours on the same batch.
+`python -m benchmarks.updates [--repeats N]`: for both sizes updates of soft actor-critic, proximal policy
+optimisation and imitation, in fp32 on the whole graph, in bfloat16, and in bfloat16 on the reduced graph, which is
+how the shipped policies are trained. Times are processor seconds of one thread, so that other work on the machine
+takes little part; run it with OMP_NUM_THREADS=1 and the malloc settings of `common.runtime`. The dense figures are
+forward and backward of the policy alone: the padded, masked fp32 implementation of the tests against ours on the same
+batch.
 """
 
 from __future__ import annotations
