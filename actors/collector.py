@@ -175,6 +175,7 @@ class Collector:
             seed=seed,
             recorder=recorder,
             label=label,
+            family=arena.number,
             keep_on=counted,
         )
         if report is not None:

@@ -22,11 +22,13 @@ class Choice:
         beacon: node number of the beacon.
         waypoint: node number of the waypoint.
         version: policy version that chose, -1 for a driver without one.
+        probability: of the waypoint, whatever the beacon, under the policy that drew it; 0 where none drew.
     """
 
     beacon: int
     waypoint: int
     version: int
+    probability: float = 0.0
 
 
 class Driver(Protocol):
@@ -66,7 +68,12 @@ class PolicyDriver:
         """Ask the policy; the environment is not looked at."""
         del environment
         decision = self.policy.decide(observation, greedy=self._greedy, rng=self._rng)
-        return Choice(decision.beacon, decision.waypoint, self.policy.version)
+        probability = 0.0
+        if not self._greedy:
+            slot = int(np.flatnonzero(observation.waypoint_nodes() == decision.waypoint)[0])
+            # The sum over beacons may exceed 1 in its last digit.
+            probability = min(float(decision.waypoint_probabilities[slot]), 1.0)
+        return Choice(decision.beacon, decision.waypoint, self.policy.version, probability)
 
 
 class ExpertDriver:

@@ -35,6 +35,7 @@ def run_episode(
     seed: int,
     recorder: Recorder | None = None,
     label: bool = False,
+    family: int = 0,
     keep_on: Callable[[], bool] = lambda: True,
 ) -> EpisodeReport | None:
     """Run one episode.
@@ -47,6 +48,7 @@ def run_episode(
         seed: of the simulator.
         recorder: takes every step; None when only the report matters.
         label: let the privileged expert judge every decision, for imitation.
+        family: number of the world's family, which its chunks carry.
         keep_on: asked before every decision; False breaks the episode off.
 
     Returns:
@@ -55,7 +57,7 @@ def run_episode(
     began = time.monotonic()
     version = driver.version
     if recorder is not None:
-        recorder.begin()
+        recorder.begin(family)
     observation = environment.reset(world, seed)
     while environment.end is End.NONE:
         if not keep_on():

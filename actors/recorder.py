@@ -26,6 +26,7 @@ class Recorder:
         self._emit = emit
         self._episode = -1
         self._first_step = 0
+        self._family = 0
         self._clear()
 
     @property
@@ -33,8 +34,9 @@ class Recorder:
         """Number of the present episode, counted from 0; -1 before the first."""
         return self._episode
 
-    def begin(self) -> None:
-        """Begin the next episode; steps of the last one that were not handed on are lost (see `flush`)."""
+    def begin(self, family: int = 0) -> None:
+        """Begin the next episode, in a world of a family; steps of the last one are lost unless handed on (`flush`)."""
+        self._family = family
         self._episode += 1
         self._first_step = 0
         self._clear()
@@ -76,6 +78,8 @@ class Recorder:
             labels = ExpertLabels(
                 cost=np.concatenate([judgement.cost for judgement in self._judgements]),
                 beacon=np.array([judgement.beacon for judgement in self._judgements], dtype=np.int32),
+                remaining=np.array([judgement.remaining for judgement in self._judgements], dtype=np.float32),
+                unseen=np.array([judgement.unseen for judgement in self._judgements], dtype=np.float32),
             )
         chunk = Chunk(
             episode=self._episode,
@@ -85,8 +89,10 @@ class Recorder:
             waypoints=np.array([choice.waypoint for choice in self._choices], dtype=np.int32),
             rewards=np.array(self._rewards, dtype=np.float32),
             versions=np.array([choice.version for choice in self._choices], dtype=np.int64),
+            probabilities=np.array([choice.probability for choice in self._choices], dtype=np.float32),
             labels=labels,
             end=end,
+            family=self._family,
         )
         self._first_step += len(self._rewards)
         self._clear()

@@ -35,7 +35,10 @@ def chunk(seed: int = 0, labels: bool = True) -> Chunk:
     observations = [random_observation(rng, VIEWPOINTS, edge_share=0.52, bent_share=0.05) for _ in range(STEPS)]
     choices = [o.waypoint_nodes() for o in observations]
     expert = ExpertLabels(
-        cost=np.zeros(sum(map(len, choices)), dtype=np.float32), beacon=np.full(STEPS, -1, dtype=np.int32)
+        cost=np.zeros(sum(map(len, choices)), dtype=np.float32),
+        beacon=np.full(STEPS, -1, dtype=np.int32),
+        remaining=np.zeros(STEPS, dtype=np.float32),
+        unseen=np.zeros(STEPS, dtype=np.float32),
     )
     return Chunk(
         episode=0,
@@ -45,6 +48,7 @@ def chunk(seed: int = 0, labels: bool = True) -> Chunk:
         waypoints=np.array([nodes[0] for nodes in choices], dtype=np.int32),
         rewards=np.zeros(STEPS, dtype=np.float32),
         versions=np.zeros(STEPS, dtype=np.int64),
+        probabilities=np.ones(STEPS, dtype=np.float32),
         labels=expert if labels else None,
         end=End.NONE,
     )

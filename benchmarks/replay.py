@@ -49,6 +49,7 @@ def _chunk(rng: np.random.Generator, episode: int, first: int, held: list[Observ
         waypoints=np.array([rng.choice(o.waypoint_nodes()) for o in acting], dtype=np.int32),
         rewards=rng.normal(size=STEPS).astype(np.float32),
         versions=np.ones(STEPS, dtype=np.int64),
+        probabilities=np.ones(STEPS, dtype=np.float32),
         labels=None,
         end=end,
     )

@@ -1,16 +1,19 @@
 """Measure learner updates at batch 64 on real transitions, and the gain over a plain padded, dense implementation.
 
-`python -m benchmarks.updates [--repeats N]`: for both sizes soft actor-critic and imitation updates, in fp32 on the
-whole graph, in bfloat16, and in bfloat16 on the reduced graph, which is how the shipped policies are trained. Times are
-processor seconds of one thread, so that other work on the machine takes little part; run it with OMP_NUM_THREADS=1 and
-the malloc settings of `common.runtime`. The dense figures are forward and backward of the policy alone: the padded,
-masked fp32 implementation of the tests against ours on the same batch.
+`python -m benchmarks.updates [--repeats N]`: for both sizes updates of soft actor-critic, proximal policy
+optimisation and imitation, in fp32 on the whole graph, in bfloat16, and in bfloat16 on the reduced graph, which is
+how the shipped policies are trained. Times are processor seconds of one thread, so that other work on the machine
+takes little part; run it with OMP_NUM_THREADS=1 and the malloc settings of `common.runtime`. The dense figures are
+forward and backward of the policy alone: the padded, masked fp32 implementation of the tests against ours on the same
+batch.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
+import numpy as np
 import torch
 
 from benchmarks.experience import real_transitions
@@ -19,7 +22,7 @@ from common.config.schema import NetworkConfig, RunConfig
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyNetwork
 from common.observation import ObservationBatch
-from learner.algorithm.sac import SacLearner
+from learner.algorithm.factory import make_learner
 from tests.common.network.dense import dense_batch, dense_policy
 
 BATCH = 64
@@ -31,20 +34,25 @@ def run(repeats: int = 3) -> dict[str, float]:
     """Return viewpoints in the mean, updates per processor second, and the time of dense over ours."""
     torch.set_num_threads(1)
     batch = real_transitions(BATCH)
+    # As if a policy had drawn what the expert chose: on-policy returns count such steps alone.
+    batch = replace(batch, probabilities=np.full(BATCH, 0.5, dtype=np.float32))
     results: dict[str, float] = {"updates/viewpoints": float(batch.observations.count.mean())}
     for size, network in SIZES.items():
         dense = _dense_seconds(network, batch.observations, repeats)
         for name, precision, graph in WAYS:
             network_here = network.model_copy(update={"graph": graph})
-            for stage, cloning in (("sac", 0), ("cloning", 10_000)):
+            for stage, cloning in (("sac", 0), ("ppo", 0), ("cloning", 10_000)):
                 config = RunConfig.model_validate(
                     {
                         "network": network_here.model_dump(),
+                        "algorithm": "ppo" if stage == "ppo" else "sac",
+                        "reward": {"kind": "potential"},
                         "cloning": {"updates": cloning},
+                        "ppo": {"value_only_updates": 0},
                         "learner": {"precision": precision},
                     }
                 )
-                learner = SacLearner(config, torch.device("cpu"))
+                learner = make_learner(config, torch.device("cpu"))
                 seconds = fastest(lambda learner=learner: learner.update(batch), repeats)  # type: ignore[misc]
                 results[f"updates/{size}/{name}/{stage}_per_s"] = 1.0 / seconds
             ours = _our_seconds(network_here, precision == "bf16", batch.observations, repeats)

@@ -23,10 +23,10 @@ from common.bus.weights import WeightsPublisher
 from common.closing import Closing
 from common.messages.replies import Spec
 from common.messages.weights import Weights
-from common.runtime import limit_threads
+from common.runtime import cores_left, limit_threads
 from learner.algorithm.base import PublishedVersion
 from learner.algorithm.device import choose_device
-from learner.algorithm.sac import SacLearner
+from learner.algorithm.factory import make_learner
 from learner.control import Control
 from learner.local_actors import LocalActors
 from learner.loop import train
@@ -124,7 +124,7 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
         HDError: when the bus cannot be joined, the run cannot be continued, or training diverges.
     """
     config = run.config
-    limit_threads(config.learner.threads)
+    limit_threads(config.learner.threads or cores_left(companions.actors + companions.evaluators))
     learner = new_incarnation()
     with contextlib.ExitStack() as stack:
         # The bus comes first: a port that is taken is found before the networks are made.
@@ -142,7 +142,7 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
                 )
             publisher.publish(newest, averaged)
 
-        algorithm = SacLearner(config, device)
+        algorithm = make_learner(config, device)
         trainer = Trainer(run, algorithm, publish)
         stack.callback(trainer.close)
         if resume:

@@ -16,7 +16,7 @@ from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.runtime import limit_threads
 from learner.algorithm.base import Algorithm, PublishedVersion
 from learner.algorithm.device import choose_device
-from learner.algorithm.sac import SacLearner
+from learner.algorithm.factory import make_learner
 from learner.loop import train
 from learner.process import stop_signals
 from learner.run.folder import RunFolder
@@ -85,7 +85,7 @@ def run_serial(run: RunFolder, console: Console, *, resume: bool) -> None:
     config = run.config
     limit_threads(config.learner.threads)
     with contextlib.ExitStack() as stack:
-        algorithm = SacLearner(config, choose_device(config.learner.device))
+        algorithm = make_learner(config, choose_device(config.learner.device))
         trainer = SerialTrainer(run, algorithm)
         stack.callback(trainer.close)
         if resume:

@@ -22,6 +22,7 @@ from learner.algorithm.batch import TransitionBatch
 from learner.ingest import Ingest
 from learner.ratio import RatioKeeper
 from learner.replay.buffer import Replay
+from learner.replay.draw import draw_batch
 from learner.run.best import BestPolicy
 from learner.run.checkpoints import CheckpointStore
 from learner.run.code_state import code_state, commit_of
@@ -163,15 +164,10 @@ class Trainer:
         return ready
 
     def sample(self) -> TransitionBatch:
-        """Draw the batch of the next update: labelled steps while cloning, transitions afterwards."""
+        """Draw the batch of the next update."""
         began = time.perf_counter()
-        size, sac = self.config.learner.batch_size, self.config.sac
-        if self.cloning:
-            batch = self.replay.sample_labelled(size, self._rng)
-        else:
-            batch = self.replay.sample(
-                size, self._rng, steps=sac.n_step, gamma=sac.gamma, labelled=sac.privileged_critic
-            )
+        size = self.config.learner.batch_size
+        batch = draw_batch(self.replay, self.config, size, self._rng, cloning=self.cloning)
         self.recorder.note("time/sample_ms", 1e3 * (time.perf_counter() - began))
         return batch
 

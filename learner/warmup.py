@@ -15,8 +15,9 @@ from common.config.schema import RunConfig
 from common.messages.experience import Chunk, Delivery, End, ExpertLabels
 from common.messages.schema import decode, encode
 from common.observation import STEP_UNITS, Observation, ObservationBatch
-from learner.algorithm.sac import SacLearner
+from learner.algorithm.factory import make_learner
 from learner.replay.buffer import Replay
+from learner.replay.draw import draw_batch
 
 logger = logging.getLogger(__name__)
 
@@ -39,12 +40,12 @@ def warm_up(config: RunConfig, device: torch.device) -> None:
             "network": config.network.model_copy(update={"layers": 1}),
             "cloning": config.cloning.model_copy(update=once),
             "sac": config.sac.model_copy(update={"critic_only_updates": 1}),
+            "ppo": config.ppo.model_copy(update={"value_only_updates": 1}),
         }
     )
-    algorithm = SacLearner(small, device)
-    algorithm.update(replay.sample_labelled(4, rng))
-    for _ in range(2):
-        algorithm.update(replay.sample(4, rng, labelled=config.sac.privileged_critic))
+    algorithm = make_learner(small, device)
+    for update in range(3):
+        algorithm.update(draw_batch(replay, small, 4, rng, cloning=update == 0))
     if (seconds := time.monotonic() - began) > _SLOW_SECONDS:
         logger.info("the kernels are ready after %.0f s", seconds)
 
@@ -63,7 +64,13 @@ def _chunk() -> Chunk:
         waypoints=np.array([nodes[0] for nodes in choices], dtype=np.int32),
         rewards=np.zeros(steps, dtype=np.float32),
         versions=np.zeros(steps, dtype=np.int64),
-        labels=ExpertLabels(cost=cost, beacon=np.zeros(steps, dtype=np.int32)),
+        probabilities=np.full(steps, 0.5, dtype=np.float32),
+        labels=ExpertLabels(
+            cost=cost,
+            beacon=np.zeros(steps, dtype=np.int32),
+            remaining=np.full(steps, 8.0, dtype=np.float32),
+            unseen=np.full(steps, 50.0, dtype=np.float32),
+        ),
         end=End.TERMINAL,
     )
 

@@ -31,6 +31,8 @@ def random_transitions(
         rewards=rng.normal(size=count).astype(np.float32),
         discounts=np.full(count, 0.99, dtype=np.float32),
         terminal=terminal,
+        probabilities=rng.uniform(0.05, 1.0, count).astype(np.float32),
+        families=rng.integers(3, size=count).astype(np.uint8),
         next_valid=terminal | (rng.random(count) < 0.95),
         labelled=marks,
         labels=_labels(rng, now, marks) if marks.any() else None,
@@ -46,4 +48,10 @@ def _labels(rng: np.random.Generator, now: ObservationBatch, marks: np.ndarray) 
         cost[rng.integers(len(cost))] = 0.0
         costs.append(cost if marks[k] else np.zeros_like(cost))
         beacons.append(rng.choice(now[k].beacon_nodes()) if marks[k] else -1)
-    return ExpertLabels(cost=np.concatenate(costs), beacon=np.array(beacons, dtype=np.int32))
+    remaining, unseen = rng.uniform(1.0, 300.0, len(now)), rng.uniform(0.0, 2000.0, len(now))
+    return ExpertLabels(
+        cost=np.concatenate(costs),
+        beacon=np.array(beacons, dtype=np.int32),
+        remaining=np.where(marks, remaining, 0.0).astype(np.float32),
+        unseen=np.where(marks, unseen, 0.0).astype(np.float32),
+    )

@@ -26,11 +26,13 @@ class Judgement:
             float32.
         beacon: node number of the first beacon that the expert's route reaches, -1 when there is none.
         remaining: T(s), metres that the best route still takes from here.
+        unseen: reachable area that is not seen yet, square metres; 0 in navigation, where it does not count.
     """
 
     cost: NDArray[np.float32]
     beacon: int
     remaining: float
+    unseen: float = 0.0
 
 
 class Expert(Protocol):

@@ -26,22 +26,27 @@ class ExplorationExpert:
     """Plans for the cells that are really missing, down to the stopping rule.
 
     Per map: the true viewpoint graph, what each viewpoint sees, all distances. Per state: a covering tour from the
-    robot (kept from the last state when that is shorter, so that the expert does not waver), then the tour that
-    remains from each waypoint. A viewpoint that the robot has visited shows nothing new, whatever the true map says:
-    so no tour begins where the robot stands, and none returns for cells that the sensor cannot resolve.
+    robot, then the tour that remains from each waypoint. The tour is the shortest of several, the one kept from the
+    last state among them, so that the expert does not waver and its word on a state depends little on chance. A
+    viewpoint that the robot has visited shows nothing new, whatever the true map says: so no tour begins where the
+    robot stands, and none returns for cells that the sensor cannot resolve.
 
     Args:
         mapping: lattice and sensor.
         unseen_area: the task's tolerance, square metres.
         beams: beams of a scan.
-        starts: covering tours that are tried at the first state of a map; the shortest is kept.
+        starts: fresh covering tours that are tried at the first state of a map; the shortest is kept.
+        tries: fresh covering tours that are tried at every other state, beside the kept one.
     """
 
-    def __init__(self, mapping: MappingConfig, unseen_area: float, *, beams: int = 720, starts: int = 12) -> None:
+    def __init__(
+        self, mapping: MappingConfig, unseen_area: float, *, beams: int = 720, starts: int = 12, tries: int = 3
+    ) -> None:
         self._mapping = mapping
         self._unseen_area = unseen_area
         self._beams = beams
         self._starts = starts
+        self._tries = tries
         self._world: GridMap | None = None
 
     def reset(self, world: GridMap) -> None:
@@ -72,7 +77,7 @@ class ExplorationExpert:
         choices = true_nodes[waypoints]
         robot = int(true_nodes[observation.robot])
         if robot < 0 or len(coverage.unseen_cells) <= self._tolerance:
-            return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0)
+            return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0, coverage.unseen_area)
         # A visited viewpoint of a partly known square can lie where it sees other things than the true one.
         spacing = self._mapping.viewpoint_spacing
         there = np.hypot(*(positions - places).T) <= ON_VIEWPOINT * spacing
@@ -80,7 +85,7 @@ class ExplorationExpert:
         stops, allowed = self._tour(true_nodes[scanned], robot, coverage)
         if len(stops) == 0:
             # What is missing cannot be seen from any viewpoint: no choice is better than another.
-            return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0)
+            return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0, coverage.unseen_area)
         orders = np.zeros((len(choices), len(stops)), dtype=np.int64)
         sizes = np.zeros(len(choices), dtype=np.int64)
         sight = self._sight
@@ -93,12 +98,12 @@ class ExplorationExpert:
         best = int(np.argmin(total))
         remaining = float(total[best])
         if not np.isfinite(remaining):
-            return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, UNREACHABLE)
+            return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, UNREACHABLE, coverage.unseen_area)
         self._plan = stops
         self._routes = {int(v): orders[c, : sizes[c]].copy() for c, v in enumerate(choices) if v >= 0}
         cost = np.minimum(total - remaining, UNREACHABLE).astype(np.float32)
         beacon = self._first_beacon(observation, true_nodes, int(choices[best]), stops, orders[best, : sizes[best]])
-        return Judgement(cost, beacon, remaining)
+        return Judgement(cost, beacon, remaining, coverage.unseen_area)
 
     def _tour(
         self, scanned: NDArray[np.int64], robot: int, coverage: Coverage
@@ -125,10 +130,10 @@ class ExplorationExpert:
         kept = previous[allowed[previous] & (gains[previous] > 0)]
         if len(kept):
             candidates.insert(0, plan(kept, self._ones))
-        elif not self._routes:
-            # The first state of a map: worth a few more tries, from an own source of chance so that it repeats.
-            rng = np.random.default_rng(len(gains))
-            candidates += [plan(NO_STOPS, np.exp(rng.normal(0.0, 0.4, len(gains)))) for _ in range(self._starts - 1)]
+        # Other tours from perturbed gains; the source of chance is the state's own, so that they repeat.
+        rng = np.random.default_rng([robot, len(coverage.unseen_cells), len(scanned)])
+        tries = self._tries if self._routes else self._starts
+        candidates += [plan(NO_STOPS, np.exp(rng.normal(0.0, 0.4, len(gains)))) for _ in range(tries - 1)]
         lengths = [tour_length(distances, robot, stops) for stops in candidates]
         return candidates[int(np.argmin(lengths))], allowed
 

@@ -274,6 +274,36 @@ class SacConfig(Section):
     """Gradients of policy and critics are clipped to this norm each."""
 
 
+class PpoConfig(Section):
+    """Proximal policy optimisation of what comes beyond the exact sum of the expert's detours, on recent steps."""
+
+    gamma: Fraction = 0.97
+    """Discount factor."""
+    n_step: Annotated[int, Field(ge=1, le=64)] = 8
+    """Rewards that a return sums before the value function takes over."""
+    window: Annotated[int, Field(ge=1)] = 4096
+    """Newest transitions that returns are drawn from: older ones are too far from the present policy."""
+    rehearsal: Annotated[float, Field(ge=0.0, le=0.9)] = 1 / 3
+    """Share of a batch that is drawn from all labelled steps instead and serves imitation alone, so that no family of
+    worlds is forgotten."""
+    clip: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.2
+    """The ratio of new to old probability of a waypoint earns nothing beyond 1 - clip and 1 + clip."""
+    weight: Annotated[float, Field(ge=0.0)] = 1.0
+    """Weight of the clipped loss beside the imitation loss, which holds the exact sum."""
+    max_advantage: Positive = 4.0
+    """Advantages beyond this many standard deviations of their family of worlds count as this."""
+    scale_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 0.002
+    """Weight of one new advantage in the running mean and standard deviation of its family."""
+    value: Positive = 5e-3
+    """Learning rate of the value function, constant."""
+    value_only_updates: Annotated[int, Field(ge=0)] = 100
+    """First updates after imitation that train only the value function."""
+    huber_delta: Positive = 4.0
+    """Errors of the value function above this count linearly, in units of reward."""
+    clip_norm: Positive = 1.0
+    """Gradients of policy and value function are clipped to this norm each."""
+
+
 class ContrastiveConfig(Section):
     """Contrastive joint optimisation (Algorithm 2); used by the variant `hdplanner` alone."""
 
@@ -282,18 +312,20 @@ class ContrastiveConfig(Section):
     margin: Positive = 0.5
     """m of the triplet hinge."""
     epsilon: Fraction = 0.5
-    """Probability that the positive comes from the Q network, else from the target Q network."""
+    """Probability that the positive comes from the Q network, else from the target Q network; with `ppo` from the
+    returns, else from the expert's detours alone."""
     beacons: bool = False
     """Apply the loss to beacons too."""
 
 
 class CloningConfig(Section):
-    """Imitation of a privileged expert (DAgger), before or beside soft actor-critic."""
+    """Imitation of a privileged expert (DAgger), before or beside reinforcement learning."""
 
     updates: Annotated[int, Field(ge=0)] = 0
     """First updates that only imitate the expert; 0 switches the stage off."""
     anchor_weight: Annotated[float, Field(ge=0.0)] = 0.0
-    """Weight of the imitation loss beside the policy loss after that stage; 0 switches it off."""
+    """Weight of the imitation loss beside the policy loss of `sac` after that stage; 0 switches it off. With `ppo` it
+    is part of the loss, at weight 1."""
     learning_rate: Positive = 6e-4
     """Learning rate of the policy during the stage."""
     expert_episodes: Fraction = 0.3
@@ -344,9 +376,9 @@ class LearnerConfig(Section):
     precision: Literal["auto", "fp32", "bf16"] = "auto"
     """`auto`: bfloat16 autocast on a CUDA device that has it, fp32 elsewhere."""
     threads: Annotated[int, Field(ge=0)] = 0
-    """Torch threads on the CPU; 0 for all cores."""
+    """Torch threads on the CPU; 0 for the cores that local actors leave, at least 1."""
     augment: bool = True
-    """Eight-fold symmetry augmentation of every sampled observation pair."""
+    """Eight-fold symmetry augmentation of every sampled observation pair; with `ppo` of those that serve imitation."""
     publish_every: Annotated[int, Field(ge=1)] = 10
     """Updates between two published policy versions."""
     average_decay: Fraction = 0.99
@@ -433,8 +465,13 @@ class RunConfig(Section):
     """The policy's and the critics' networks."""
     adam: AdamConfig = Field(default_factory=AdamConfig)
     """Learning rates."""
+    algorithm: Literal["sac", "ppo"] = "sac"
+    """What follows the imitation stage: `sac`: soft actor-critic; `ppo`: on-policy returns on top of the exact sum of
+    the expert's detours, which needs the `potential` reward. Only the section of that name counts."""
     sac: SacConfig = Field(default_factory=SacConfig)
     """Soft actor-critic."""
+    ppo: PpoConfig = Field(default_factory=PpoConfig)
+    """Proximal policy optimisation."""
     contrastive: ContrastiveConfig = Field(default_factory=ContrastiveConfig)
     """Contrastive joint optimisation."""
     cloning: CloningConfig = Field(default_factory=CloningConfig)
@@ -462,6 +499,14 @@ class RunConfig(Section):
         if self.sac.privileged_critic and self.reward.kind != "potential":
             raise ValueError(
                 "sac.privileged_critic needs the reward that it is told in advance: set reward.kind to 'potential'"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _ppo_has_its_reward(self) -> RunConfig:
+        if self.algorithm == "ppo" and self.reward.kind != "potential":
+            raise ValueError(
+                "algorithm 'ppo' learns what the expert's detours leave of the reward: set reward.kind to 'potential'"
             )
         return self
 
@@ -531,6 +576,8 @@ class RunConfig(Section):
     @property
     def labelled(self) -> bool:
         """Whether every training step carries the privileged expert's labels, after the imitation stage too."""
+        if self.algorithm == "ppo":
+            return True
         return self.cloning.anchor_weight > 0.0 or self.sac.privileged_critic
 
     @property

@@ -30,10 +30,14 @@ class ExpertLabels:
         cost: detour of each waypoint in metres (the best one costs 0), the waypoints of all decisions behind one
             another in the order of `Observation.waypoint_nodes`, float32.
         beacon: node number of the first beacon that the expert's route reaches, -1 where unknown, int32, shape (k,).
+        remaining: T(s), metres that the best route still takes from each state, float32, shape (k,).
+        unseen: reachable area that is not seen yet, square metres, float32, shape (k,); 0 in navigation.
     """
 
     cost: NDArray[np.float32]
     beacon: NDArray[np.int32]
+    remaining: NDArray[np.float32]
+    unseen: NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +94,11 @@ class Chunk:
         waypoints: chosen waypoint of each step (node number), int32, shape (k,).
         rewards: float32, shape (k,).
         versions: policy version that chose, int64, shape (k,).
+        probabilities: π(a) = Σ_b π_b π_a(a | b) of each chosen waypoint under the policy that drew it, float32,
+            shape (k,); 0 where no policy drew, as on the steps of an expert.
         labels: the expert's labels, or None.
         end: how the episode ended.
+        family: number of the family of worlds that the episode's world is of, 0 to 255.
     """
 
     episode: int
@@ -101,8 +108,10 @@ class Chunk:
     waypoints: NDArray[np.int32]
     rewards: NDArray[np.float32]
     versions: NDArray[np.int64]
+    probabilities: NDArray[np.float32]
     labels: ExpertLabels | None
     end: End
+    family: int = 0
 
     @property
     def steps(self) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from common.messages.experience import Chunk, Delivery, End, EpisodeReport, ExpertLabels
 from common.messages.fields import Fields
@@ -14,7 +15,11 @@ from common.observation import ObservationBatch
 MAX_INCARNATION = 2**63 - 1
 MAX_STEPS = 256
 MAX_EPISODE_STEPS = 1_000_000
+MAX_FAMILY = 255
+MAX_REMAINING = 1e6
+MAX_UNSEEN = 1e9
 _COLUMNS = tuple(ObservationBatch.__dataclass_fields__)
+_LABELS = tuple(ExpertLabels.__dataclass_fields__)
 
 
 def delivery_fields(delivery: Delivery) -> dict[str, Any]:
@@ -46,19 +51,22 @@ def _chunk_fields(chunk: Chunk) -> dict[str, Any]:
         "kind": "chunk",
         "episode": int(chunk.episode),
         "first_step": int(chunk.first_step),
+        "family": int(chunk.family),
         "end": int(chunk.end),
         "observations": {name: getattr(chunk.observations, name) for name in _COLUMNS},
         "beacons": chunk.beacons,
         "waypoints": chunk.waypoints,
         "rewards": chunk.rewards,
         "versions": chunk.versions,
-        "labels": None if labels is None else {"cost": labels.cost, "beacon": labels.beacon},
+        "probabilities": chunk.probabilities,
+        "labels": None if labels is None else {name: getattr(labels, name) for name in _LABELS},
     }
 
 
 def _read_chunk(fields: Fields) -> Chunk:
     episode = fields.integer("episode")
     first_step = fields.integer("first_step", 0, MAX_EPISODE_STEPS)
+    family = fields.integer("family", 0, MAX_FAMILY)
     end = End(fields.integer("end", 0, len(End) - 1))
     rewards = fields.array("rewards", np.float32, (None,))
     k = len(rewards)
@@ -71,6 +79,8 @@ def _read_chunk(fields: Fields) -> Chunk:
     versions = fields.array("versions", np.int64, (k,))
     if versions.min() < -1:
         fields.fail("versions", f"must be at least -1, got {int(versions.min())}")
+    probabilities = fields.array("probabilities", np.float32, (k,))
+    _check_range(fields, "probabilities", probabilities, 1.0)
     columns = fields.fields("observations")
     observations = _read_observations(columns, k + (end is not End.NONE))
     inner = fields.optional_fields("labels")
@@ -79,7 +89,9 @@ def _read_chunk(fields: Fields) -> Chunk:
     choices = check_choices(observations, beacons, waypoints, expert, fields.path)
     if labels is not None and len(labels.cost) != choices:
         fields.fail("labels.cost", f"must have one cost per waypoint choice, {choices}, got {len(labels.cost)}")
-    return Chunk(episode, first_step, observations, beacons, waypoints, rewards, versions, labels, end)
+    return Chunk(
+        episode, first_step, observations, beacons, waypoints, rewards, versions, probabilities, labels, end, family
+    )
 
 
 def _read_observations(fields: Fields, k: int) -> ObservationBatch:
@@ -118,9 +130,22 @@ def _read_labels(fields: Fields, k: int) -> ExpertLabels:
     cost = fields.array("cost", np.float32, (None,))
     if len(cost) and not (np.isfinite(cost).all() and cost.min() >= 0):
         fields.fail("cost", "must be finite and at least 0")
-    labels = ExpertLabels(cost=cost, beacon=fields.array("beacon", np.int32, (k,)))
+    labels = ExpertLabels(
+        cost=cost,
+        beacon=fields.array("beacon", np.int32, (k,)),
+        remaining=fields.array("remaining", np.float32, (k,)),
+        unseen=fields.array("unseen", np.float32, (k,)),
+    )
+    _check_range(fields, "remaining", labels.remaining, MAX_REMAINING)
+    _check_range(fields, "unseen", labels.unseen, MAX_UNSEEN)
     fields.finish()
     return labels
+
+
+def _check_range(fields: Fields, name: str, values: NDArray[np.float32], largest: float) -> None:
+    """Raise MessageError unless all numbers are from 0 to ``largest``; NaN is not."""
+    if not ((values >= 0.0) & (values <= largest)).all():
+        fields.fail(name, f"must be from 0 to {largest:g}")
 
 
 def _report_fields(report: EpisodeReport) -> dict[str, Any]:

@@ -41,9 +41,12 @@ def transform_observations(batch: ObservationBatch, symmetries: NDArray[np.int64
     )
 
 
-def augment(batch: TransitionBatch, rng: np.random.Generator) -> TransitionBatch:
-    """Draw one symmetry for each transition and apply it to both observations."""
-    return transform_transitions(batch, rng.integers(SYMMETRIES, size=len(batch)))
+def augment(
+    batch: TransitionBatch, rng: np.random.Generator, marks: NDArray[np.bool_] | None = None
+) -> TransitionBatch:
+    """Draw one symmetry for each transition and apply it to both observations; only where ``marks`` says, if given."""
+    drawn = rng.integers(SYMMETRIES, size=len(batch))
+    return transform_transitions(batch, drawn if marks is None else np.where(marks, drawn, 0))
 
 
 def transform_transitions(batch: TransitionBatch, symmetries: NDArray[np.int64]) -> TransitionBatch:

@@ -14,7 +14,7 @@ PolicyArrays = dict[str, NDArray[Any]]
 
 
 class Algorithm(Protocol):
-    """Networks, optimisers and the update; `learner.algorithm.sac.SacLearner` is one."""
+    """Networks, optimisers and the update; `learner.algorithm.factory.make_learner` makes the one of a run."""
 
     def update(self, batch: TransitionBatch) -> dict[str, float]:
         """Learn from one batch; return losses and other figures by their TensorBoard names."""

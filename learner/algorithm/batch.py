@@ -28,10 +28,13 @@ class TransitionBatch:
             terminal end: its o' is bootstrapped.
         next_valid: o' is known, bool, shape (k,). Where it is not (the actor died), the transition still serves
             imitation, and the critics leave it out.
+        probabilities: of the waypoints under the policy that drew them (`Chunk.probabilities`), float32, shape (k,); 0
+            where the transition serves imitation alone: no policy drew, or it was drawn from the buffer for that.
+        families: number of the family of worlds of each, uint8, shape (k,).
         labelled: an expert labelled o, bool, shape (k,); all False without labels.
-        labels: the expert's costs for the waypoints of *all* k observations, behind one another in the order of
-            `Observation.waypoint_nodes` (zeros where not labelled), and its beacons (-1 where not labelled); None
-            when no observation is labelled.
+        labels: the expert's labels of *all* k observations: costs of all waypoints, behind one another in the order
+            of `Observation.waypoint_nodes`, beacons, remaining metres, unseen area; where not labelled the beacon is
+            -1 and all else 0. None when no observation is labelled.
         next_labelled: an expert labelled o', bool, shape (k,).
         next_labels: the expert's labels of the o', as in `labels`; None where they were not asked for.
     """
@@ -44,6 +47,8 @@ class TransitionBatch:
     discounts: NDArray[np.float32]
     terminal: NDArray[np.bool_]
     next_valid: NDArray[np.bool_]
+    probabilities: NDArray[np.float32]
+    families: NDArray[np.uint8]
     labelled: NDArray[np.bool_]
     labels: ExpertLabels | None
     next_labelled: NDArray[np.bool_]

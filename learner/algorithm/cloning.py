@@ -10,8 +10,8 @@ from torch import Tensor
 from common.config.schema import CloningConfig
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyOutput
-from common.network.segment import segment_log_softmax, segment_logsumexp, segment_sum
-from learner.algorithm.losses import entropies, joint_log_probability
+from common.network.segment import segment_log_softmax, segment_sum
+from learner.algorithm.losses import entropies, log_marginal
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,12 +45,12 @@ def cloning_loss(output: PolicyOutput, guidance: Guidance, batch: GraphBatch, co
     π(a) = Σ_b π_b π_a(a | b) is the marginal of the waypoints, c their cost in units of `cost_scale`, at most
     `max_cost`, and H = H_b + H_a the policy's entropy. Observations without labels count nowhere.
     """
-    k, waypoints = len(batch), len(batch.waypoint_rows)
+    k = len(batch)
     cost = (guidance.cost / config.cost_scale).clamp(max=config.max_cost)
-    log_marginal = segment_logsumexp(joint_log_probability(output, batch), batch.pair_waypoint, waypoints)
-    expected = segment_sum(log_marginal.exp() * cost, batch.waypoint_graph, k)
+    log_waypoint = log_marginal(output, batch)
+    expected = segment_sum(log_waypoint.exp() * cost, batch.waypoint_graph, k)
     wanted = segment_log_softmax(-cost, batch.waypoint_graph, k).exp()
-    cross = -segment_sum(wanted * log_marginal, batch.waypoint_graph, k)
+    cross = -segment_sum(wanted * log_waypoint, batch.waypoint_graph, k)
     beacon_entropy, waypoint_entropy = entropies(output, batch)
     has_beacon = guidance.labelled & (guidance.beacon >= 0)
     log_wanted = output.log_beacon.index_select(0, guidance.beacon.clamp(min=0))

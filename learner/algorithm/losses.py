@@ -12,7 +12,9 @@ from torch.nn import functional
 
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyOutput
-from common.network.segment import segment_argmax, segment_sum
+from common.network.segment import segment_argmax, segment_logsumexp, segment_sum
+
+_LARGEST_LOG_RATIO = 5.0
 
 
 def joint_log_probability(output: PolicyOutput, batch: GraphBatch) -> Tensor:
@@ -24,6 +26,11 @@ def waypoint_marginal(values: Tensor, output: PolicyOutput, batch: GraphBatch) -
     """Return Σ_b π_b(b | o) x(b, a) of every waypoint slot, for values x of the pairs, shape (total waypoints,)."""
     weights = output.log_beacon.exp().index_select(0, batch.pair_beacon)
     return segment_sum(weights * values, batch.pair_waypoint, len(batch.waypoint_rows))
+
+
+def log_marginal(output: PolicyOutput, batch: GraphBatch) -> Tensor:
+    """Return log Σ_b π_b(b | o) π_a(a | o, b) of every waypoint slot, shape (total waypoints,)."""
+    return segment_logsumexp(joint_log_probability(output, batch), batch.pair_waypoint, len(batch.waypoint_rows))
 
 
 def soft_value(
@@ -73,6 +80,19 @@ def policy_loss(
 ) -> Tensor:
     """J = mean over o of Σ_b π_b Σ_a π_a [α_b log π_b + α_a log π_a − min_i Q_i]; arguments as in `soft_value`."""
     return -soft_value(output, q, alpha_beacon, alpha_waypoint, batch).mean()
+
+
+def clipped_surrogate(log_ratio: Tensor, advantage: Tensor, clip: float) -> Tensor:
+    """Mean of −min(ρ A, clip(ρ, 1 − ε, 1 + ε) A) over the transitions (Schulman et al. 2017, equation 7).
+
+    Args:
+        log_ratio: log ρ = log π(a) − log π_behaviour(a), shape (n,), n > 0.
+        advantage: A, shape (n,), without gradient.
+        clip: ε.
+    """
+    # A waypoint that has become e^5 times as likely is no longer the one that was judged: its gradient ends there.
+    ratio = log_ratio.clamp(-_LARGEST_LOG_RATIO, _LARGEST_LOG_RATIO).exp()
+    return -torch.minimum(ratio * advantage, ratio.clamp(1.0 - clip, 1.0 + clip) * advantage).mean()
 
 
 def entropies(output: PolicyOutput, batch: GraphBatch) -> tuple[Tensor, Tensor]:

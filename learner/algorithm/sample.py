@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from common.config.schema import RunConfig
@@ -70,14 +69,15 @@ class Sample:
                 raise ValueError("a privileged critic learns from labelled transitions alone: sample those")
             # The o' of a time limit has no labels, because nothing was decided there.
             usable = usable & (batch.next_labelled | batch.terminal)
-            told = _told(batch.labels.cost, config).to(device)
+            told = told_rewards(torch.from_numpy(batch.labels.cost), config).to(device)
         known = usable & ~batch.terminal
         after = None
         if bootstrap and known.any():
             graphs = GraphBatch.from_observations(batch.next_observations.select(known), config.network)
             if privileged and batch.next_labels is not None:
                 choices = waypoint_counts(batch.next_observations)
-                told_after = _told(batch.next_labels.cost[np.repeat(known, choices)], config).to(device)
+                cost = batch.next_labels.cost[np.repeat(known, choices)]
+                told_after = told_rewards(torch.from_numpy(cost), config).to(device)
             after = graphs.to(device)
         guidance = None
         if batch.labels is not None and batch.labelled.any():
@@ -101,7 +101,12 @@ class Sample:
         )
 
 
-def _told(cost: NDArray[np.float32], config: RunConfig) -> Tensor:
-    """Minus the detours in units of the potential reward; dead ends count as the imitation loss counts them."""
+def told_rewards(cost: Tensor, config: RunConfig) -> Tensor:
+    """Return minus the detours, in units of the potential reward; dead ends count as the imitation loss counts them."""
     largest = config.cloning.max_cost * config.cloning.cost_scale
-    return torch.from_numpy(-np.minimum(cost, largest) / np.float32(config.reward.potential_scale))
+    return -cost.clamp(max=largest) / config.reward.potential_scale
+
+
+def largest_told(config: RunConfig) -> float:
+    """Return the largest detour that counts, in units of the potential reward."""
+    return config.cloning.max_cost * config.cloning.cost_scale / config.reward.potential_scale

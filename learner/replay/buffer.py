@@ -121,6 +121,8 @@ class Replay:
         steps: int = 1,
         gamma: float = 0.99,
         labelled: bool = False,
+        newest: int | None = None,
+        rehearsed: int = 0,
     ) -> TransitionBatch:
         """Draw transitions uniformly with replacement.
 
@@ -130,6 +132,9 @@ class Replay:
             steps: rewards that are summed; fewer where the episode ends or its next step is not here.
             gamma: discount factor.
             labelled: only transitions that an expert labelled, with the labels of both observations.
+            newest: only so many that arrived last; None for all.
+            rehearsed: so many of the batch, its last ones, are drawn from all labelled steps instead. They serve
+                imitation alone, so their probability counts as 0.
 
         Raises:
             ValueError: when the buffer holds no such transition.
@@ -138,8 +143,14 @@ class Replay:
             candidates = self._columns.successor >= 0
             if labelled:
                 candidates &= self._columns.labelled
-            drawn = self._draw(candidates, batch_size, rng, "labelled transition" if labelled else "transition")
-            return self._batch(drawn, steps, gamma, labelled)
+            what = "labelled transition" if labelled else "transition"
+            drawn = self._draw(candidates, batch_size - rehearsed, rng, what, newest)
+            if rehearsed:
+                again = self._draw(self._columns.labelled, rehearsed, rng, "labelled step")
+                drawn = np.concatenate([drawn, again])
+            batch = self._batch(drawn, steps, gamma, labelled)
+        batch.probabilities[batch_size - rehearsed :] = 0.0
+        return batch
 
     def sample_labelled(self, batch_size: int, rng: np.random.Generator) -> TransitionBatch:
         """Draw steps that an expert labelled, uniformly with replacement; their successor may be unknown.
@@ -225,6 +236,8 @@ class Replay:
         columns.waypoint[rows] = chunk.waypoints[skip:]
         columns.reward[rows] = chunk.rewards[skip:]
         columns.version[rows] = chunk.versions[skip:]
+        columns.probability[rows] = chunk.probabilities[skip:]
+        columns.family[rows] = chunk.family
         joined = numbers + 1 < first + len(chunk.observations)
         columns.successor[rows[joined]] = numbers[joined] + 1
         self._transitions += int(np.count_nonzero(joined))
@@ -233,6 +246,8 @@ class Replay:
         if chunk.labels is not None:
             columns.labelled[rows] = True
             columns.first_beacon[rows] = chunk.labels.beacon[skip:]
+            columns.remaining[rows] = chunk.labels.remaining[skip:]
+            columns.unseen[rows] = chunk.labels.unseen[skip:]
 
     def _link(self, delivery: Delivery, chunk: Chunk, first: int) -> None:
         """Join the chunk's ends to the chunks before and after it, or note them for when those come."""
@@ -295,14 +310,20 @@ class Replay:
     # --- sampling ----------------------------------------------------------------------------------------------
 
     def _draw(
-        self, candidates: NDArray[np.bool_], batch_size: int, rng: np.random.Generator, what: str
+        self,
+        candidates: NDArray[np.bool_],
+        batch_size: int,
+        rng: np.random.Generator,
+        what: str,
+        newest: int | None = None,
     ) -> NDArray[np.int64]:
         rows = np.flatnonzero(candidates[: min(self._next, self._slots)])
         if len(rows) == 0:
             raise ValueError(f"the replay buffer holds no {what} yet: wait for the actors")
         # Rows are counted from the oldest, so that the draw does not depend on where the ring stands.
         shift = int(np.searchsorted(rows, self._oldest % self._slots))
-        return rows[(rng.integers(len(rows), size=batch_size) + shift) % len(rows)]
+        older = 0 if newest is None else max(len(rows) - newest, 0)
+        return rows[(rng.integers(older, len(rows), size=batch_size) + shift) % len(rows)]
 
     def _batch(self, rows: NDArray[np.int64], steps: int, gamma: float, judged: bool) -> TransitionBatch:
         columns = self._columns
@@ -329,6 +350,8 @@ class Replay:
             discounts=discounts,
             terminal=terminal,
             next_valid=valid,
+            probabilities=columns.probability[rows],
+            families=columns.family[rows],
             labelled=labelled,
             labels=self._labels(rows, labelled) if labelled.any() else None,
             next_labelled=next_labelled,
@@ -372,7 +395,12 @@ class Replay:
         choices = columns.choices[rows]
         cost = np.zeros(int(choices.sum()), dtype=np.float32)
         cost[np.repeat(labelled, choices)] = self._pieces(COSTS, rows[labelled])[0]
-        return ExpertLabels(cost=cost, beacon=np.where(labelled, columns.first_beacon[rows], -1).astype(np.int32))
+        return ExpertLabels(
+            cost=cost,
+            beacon=np.where(labelled, columns.first_beacon[rows], -1).astype(np.int32),
+            remaining=np.where(labelled, columns.remaining[rows], np.float32(0.0)),
+            unseen=np.where(labelled, columns.unseen[rows], np.float32(0.0)),
+        )
 
     def _pieces(self, ring: int, rows: NDArray[np.int64]) -> list[NDArray[Any]]:
         """Return the columns of a ring for some observations, one behind the other."""

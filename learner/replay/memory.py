@@ -163,11 +163,15 @@ class SlotColumns:
         waypoint: chosen waypoint, int32.
         reward: float32.
         version: policy version that chose, int64.
+        probability: of the chosen waypoint under that policy, 0 where no policy drew, float32.
+        family: number of the family of worlds, uint8.
         successor: arrival number of the next observation, -1 where unknown, int64.
         predecessor: arrival number of the previous observation where it came in another chunk, else -1, int64.
         terminal: the successor ends the task, bool.
         labelled: an expert labelled this observation, bool.
         first_beacon: the expert's beacon, int32.
+        remaining: the expert's remaining distance, metres, float32.
+        unseen: reachable area not seen yet, square metres, float32.
     """
 
     first: NDArray[np.int64]
@@ -184,11 +188,15 @@ class SlotColumns:
     waypoint: NDArray[np.int32]
     reward: NDArray[np.float32]
     version: NDArray[np.int64]
+    probability: NDArray[np.float32]
+    family: NDArray[np.uint8]
     successor: NDArray[np.int64]
     predecessor: NDArray[np.int64]
     terminal: NDArray[np.bool_]
     labelled: NDArray[np.bool_]
     first_beacon: NDArray[np.int32]
+    remaining: NDArray[np.float32]
+    unseen: NDArray[np.float32]
 
     @classmethod
     def allocate(cls, slots: int) -> SlotColumns:
@@ -212,11 +220,15 @@ class SlotColumns:
             waypoint=column(np.int32),
             reward=column(np.float32),
             version=column(np.int64),
+            probability=column(np.float32),
+            family=column(np.uint8),
             successor=column(np.int64),
             predecessor=column(np.int64),
             terminal=column(np.bool_),
             labelled=column(np.bool_),
             first_beacon=column(np.int32),
+            remaining=column(np.float32),
+            unseen=column(np.float32),
         )
 
     @classmethod

@@ -17,9 +17,9 @@ from common.file_lock import FileLock
 from learner.run.code_state import write_code_state
 from learner.run.files import replace_text, sync_path, to_json
 
-# 2: viewpoints lie anywhere and edges are lists. Of runs of format 1 the policies can be exported, but the experience
-# cannot be read any more.
-FORMAT = 2
+# Of runs of an earlier format the policies can be exported, but the experience cannot be read any more.
+# 2: viewpoints lie anywhere and edges are lists. 3: steps carry probabilities, labels the way that remains.
+FORMAT = 3
 _MARKER = "run.json"
 
 

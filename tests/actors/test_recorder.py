@@ -1,11 +1,13 @@
 import numpy as np
 import pytest
 
-from actors.driver import ExpertDriver, RandomDriver
+from actors.driver import ExpertDriver, PolicyDriver, RandomDriver
 from actors.episode import Role, run_episode
 from actors.recorder import Recorder
+from common.config.schema import NetworkConfig
 from common.messages.experience import Delivery, End, ObservationBatch
 from common.messages.schema import decode, encode
+from common.policy import Policy
 from tests.actors.test_environment import BRANCHES, CORRIDOR, ROOM, environment
 
 ROLE = Role("train", "grid")
@@ -112,3 +114,33 @@ def test_a_broken_off_episode_keeps_what_was_collected():
     assert len(chunks[-1].observations) == 2
     run_episode(environment(), CORRIDOR, ExpertDriver(), ROLE, seed=0, recorder=recorder)
     assert [chunk.episode for chunk in chunks][:3] == [0, 0, 1]
+
+
+def test_drawn_waypoints_carry_their_probability_and_others_none():
+    policy = Policy.from_config(NetworkConfig(width=16, heads=2, layers=1))
+    chunks = []
+    recorder = Recorder(64, chunks.append)
+    drawing = PolicyDriver(policy, np.random.default_rng(3))
+    for driver in (drawing, ExpertDriver(), PolicyDriver(policy, np.random.default_rng(3), greedy=True)):
+        env = environment(max_steps=5)
+        run_episode(env, BRANCHES, driver, ROLE, seed=0, recorder=recorder, label=True, family=len(chunks))
+    drawn, *others = chunks
+    for i in range(drawn.steps):
+        decision = policy.decide(drawn.observations[i], greedy=True, rng=np.random.default_rng(0))
+        chance = dict(zip(drawn.observations[i].waypoint_nodes(), decision.waypoint_probabilities, strict=True))
+        assert drawn.probabilities[i] == pytest.approx(chance[drawn.waypoints[i]], abs=1e-6)
+    assert not any(chunk.probabilities.any() for chunk in others)
+    assert [chunk.family for chunk in chunks] == [0, 1, 2]
+
+
+@pytest.mark.parametrize("task", ["exploration", "navigation"])
+def test_labels_tell_what_remains_and_what_is_unseen(task):
+    chunks, _, _, env = record(task, max_steps=12)
+    remaining = np.concatenate([chunk.labels.remaining for chunk in chunks])
+    unseen = np.concatenate([chunk.labels.unseen for chunk in chunks])
+    assert (remaining > 0.0).all()
+    if task == "navigation":
+        assert not unseen.any()
+    else:
+        assert (np.diff(unseen) <= 0.0).all()
+        assert unseen[0] > env.coverage.unseen_area

@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 
-from common.runtime import MALLOC_SETTINGS, process_environment
+from common.runtime import MALLOC_SETTINGS, cores_left, process_environment
 
 
 def test_the_users_own_values_win():
@@ -13,6 +13,13 @@ def test_the_users_own_values_win():
     assert environment["OMP_NUM_THREADS"] == "1"
     assert environment["HOME"] == "/x"
     assert set(MALLOC_SETTINGS) <= set(environment)
+    assert environment["OMP_WAIT_POLICY"] == "PASSIVE"
+    assert process_environment({"OMP_WAIT_POLICY": "ACTIVE"})["OMP_WAIT_POLICY"] == "ACTIVE"
+
+
+def test_companions_leave_at_least_one_core():
+    assert cores_left(1_000) == 1
+    assert cores_left(0) == max(1, cores_left(1) + (cores_left(0) > 1))
 
 
 def test_a_command_restarts_itself_once_and_keeps_its_arguments():

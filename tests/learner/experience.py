@@ -45,6 +45,8 @@ def episode_chunks(
             labels = ExpertLabels(
                 cost=np.concatenate(costs),
                 beacon=np.array([rng.choice(o.beacon_nodes()) for o in acting], dtype=np.int32),
+                remaining=(10.0 * (steps - np.arange(first, last))).astype(np.float32),
+                unseen=(100.0 * (steps - np.arange(first, last))).astype(np.float32),
             )
         chunks.append(
             Chunk(
@@ -55,8 +57,10 @@ def episode_chunks(
                 waypoints=np.array([rng.choice(o.waypoint_nodes()) for o in acting], dtype=np.int32),
                 rewards=(episode * 1000 + np.arange(first, last)).astype(np.float32),
                 versions=np.full(last - first, 3, dtype=np.int64),
+                probabilities=rng.uniform(0.1, 1.0, last - first).astype(np.float32),
                 labels=labels,
                 end=end if final else End.NONE,
+                family=episode % 3,
             )
         )
     return chunks

@@ -8,7 +8,7 @@ import torch
 from common.config.schema import RunConfig
 from common.messages.experience import Delivery, End
 from learner.algorithm.base import PublishedVersion
-from learner.algorithm.sac import SacLearner
+from learner.algorithm.factory import make_learner
 from learner.run.folder import RunFolder
 from learner.trainer import Trainer
 from tests.learner.experience import deliver, episode_chunks, episode_report, observation_pool
@@ -16,9 +16,9 @@ from tests.learner.experience import deliver, episode_chunks, episode_report, ob
 POOL = observation_pool(viewpoints=(2, 25))
 
 
-def small_config(**changes: dict[str, object]) -> RunConfig:
+def small_config(**changes: object) -> RunConfig:
     """A configuration whose updates take milliseconds; sections may be changed field by field."""
-    tree: dict[str, dict[str, object]] = {
+    tree: dict[str, object] = {
         "network": {"width": 16, "heads": 2, "layers": 1},
         "learner": {
             "batch_size": 4,
@@ -32,23 +32,29 @@ def small_config(**changes: dict[str, object]) -> RunConfig:
         "maps": {"validation_count": 2},
     }
     for section, fields in changes.items():
-        tree[section] = tree.get(section, {}) | fields
+        tree[section] = {**tree.get(section, {}), **fields} if isinstance(fields, dict) else fields  # type: ignore[dict-item]
     return RunConfig.model_validate({"name": "test", "seed": 5, **tree})
 
 
 def make_trainer(run: RunFolder) -> tuple[Trainer, list[PublishedVersion]]:
     """A trainer with the real mathematics, and the list of what it publishes."""
     published: list[PublishedVersion] = []
-    trainer = Trainer(run, SacLearner(run.config, torch.device("cpu")), published.append)
+    trainer = Trainer(run, make_learner(run.config, torch.device("cpu")), published.append)
     return trainer, published
 
 
-def episodes(count: int, seed: int = 0, actor: str = "desk-0", first: int = 0) -> list[Delivery]:
+PPO: dict[str, object] = {"algorithm": "ppo", "reward": {"kind": "potential"}, "ppo": {"value_only_updates": 4}}
+"""Changes of `small_config` for on-policy returns; its deliveries must be labelled."""
+
+
+def episodes(
+    count: int, seed: int = 0, actor: str = "desk-0", first: int = 0, labelled: bool = False
+) -> list[Delivery]:
     """Deliveries of whole episodes of 8 steps in two chunks, each followed by its report."""
     rng = np.random.default_rng(seed)
     bodies = []
     for episode in range(count):
-        bodies += episode_chunks(rng, POOL, 8, 4, End.TERMINAL, episode=first + episode)
+        bodies += episode_chunks(rng, POOL, 8, 4, End.TERMINAL, labelled, first + episode)
         bodies.append(episode_report(distance=100.0 + episode))
     return deliver(bodies, actor)
 

@@ -81,7 +81,7 @@ def test_deliveries_of_another_protocol_are_refused_with_advice(tmp_path):
     journal.append(RecordKind.DELIVERY, pack({"v": 1, "kind": "delivery"}))
     journal.close()
     again, journal = open_ingest(tmp_path, snapshot["episodes_length"])
-    with pytest.raises(CheckpointError, match=r"cannot read .*must be 2.*got 1.*with the release that wrote it"):
+    with pytest.raises(CheckpointError, match=r"cannot read .*must be 3.*got 1.*with the release that wrote it"):
         again.rebuild(snapshot, updates=0)
     journal.close()
 

@@ -15,7 +15,7 @@ from learner.loop import train
 from learner.run.export import export_policy
 from learner.run.folder import RunFolder
 from tests.learner.experience import deliver, episode_report
-from tests.learner.runs import POOL, episodes, make_trainer, small_config, train_some
+from tests.learner.runs import POOL, PPO, episodes, make_trainer, small_config, train_some
 
 
 def new_run(tmp_path, **changes):
@@ -33,12 +33,13 @@ def curve(run, name):
     return {event.step: event.value for event in accumulator.Scalars(name)}
 
 
-def test_a_resumed_run_goes_on_with_the_same_curves(tmp_path):
+@pytest.mark.parametrize(("changes", "loss"), [({}, "loss/critic"), (PPO, "loss/surrogate")], ids=["sac", "ppo"])
+def test_a_resumed_run_goes_on_with_the_same_curves(tmp_path, changes, loss):
     """Save, load and 12 updates more give bit for bit what 24 updates in one go give."""
-    made = episodes(8)
+    made = episodes(8, labelled=bool(changes))
     (tmp_path / "one").mkdir()
     (tmp_path / "two").mkdir()
-    with new_run(tmp_path / "one") as run:
+    with new_run(tmp_path / "one", **changes) as run:
         whole, _ = make_trainer(run)
         whole.begin()
         for delivery in made:
@@ -46,7 +47,7 @@ def test_a_resumed_run_goes_on_with_the_same_curves(tmp_path):
         expected = train_some(whole, 24)
         state = everything(whole)
         whole.close()
-    with new_run(tmp_path / "two") as run:
+    with new_run(tmp_path / "two", **changes) as run:
         first, _ = make_trainer(run)
         first.begin()
         for delivery in made:
@@ -62,9 +63,9 @@ def test_a_resumed_run_goes_on_with_the_same_curves(tmp_path):
         assert before + after == expected
         assert everything(second) == state
         second.close()
-        resumed = curve(run, "loss/critic")
+        resumed = curve(run, loss)
     with RunFolder.open(tmp_path / "one", "test") as run:
-        assert resumed == curve(run, "loss/critic")
+        assert resumed == curve(run, loss)
 
 
 def test_versions_go_on_rising_after_a_kill(tmp_path):

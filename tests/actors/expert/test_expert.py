@@ -17,6 +17,7 @@ from actors.tasks import make_task
 from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
 from common.errors import HDError
 from common.messages.experience import End
+from common.tours.local_search import tour_length
 from tests.actors.test_environment import BRANCHES, CORRIDOR, HALLWAY, MAPPING, environment
 from tests.actors.worlds import draw
 
@@ -255,3 +256,29 @@ def test_pieces_of_one_square_are_one_true_viewpoint():
     nodes, places = graph.match(np.array([[2.0, 3.0], [4.6, 3.0], [3.0, 3.0], [0.5, 3.0]]))
     assert nodes.tolist() == [0, 0, 0, -1]
     assert places.tolist() == [[3.0, 3.0], [3.0, 3.0], [3.0, 3.0], [0.5, 3.0]]
+
+
+def test_several_tours_repeat_and_are_never_longer_than_one(monkeypatch):
+    mapping, task = MappingConfig(), TaskConfig()
+    expert = ExplorationExpert(mapping, task.unseen_area)
+    simulator = GridSimulator(SimulatorConfig(name="grid"), 20.0)
+    env = Environment(simulator, mapping, make_task(task), RewardConfig(), 40, expert)
+    world = open_sources(["generator:rooms"], 0.25, "exploration").world(3)
+    plan = expert._tour
+    gained = []
+
+    def compared(scanned, robot, coverage):
+        found, allowed = plan(scanned, robot, coverage)
+        again, _ = plan(scanned, robot, coverage)
+        assert np.array_equal(found, again)
+        tries, expert._tries = expert._tries, 1
+        single, _ = plan(scanned, robot, coverage)
+        expert._tries = tries
+        distances = expert._distances
+        gained.append(tour_length(distances, robot, single) - tour_length(distances, robot, found))
+        return found, allowed
+
+    monkeypatch.setattr(expert, "_tour", compared)
+    run_episode(env, world, ExpertDriver(), ROLE, seed=0)
+    assert len(gained) > 5
+    assert min(gained) >= 0.0 and max(gained) > 0.0

@@ -47,6 +47,7 @@ def delivery() -> Delivery:
         waypoints=np.array([1], dtype=np.int32),
         rewards=np.array([0.5], dtype=np.float32),
         versions=np.array([3], dtype=np.int64),
+        probabilities=np.array([0.25], dtype=np.float32),
         labels=None,
         end=End.NONE,
     )

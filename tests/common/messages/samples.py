@@ -23,6 +23,8 @@ def chunk(rng, steps=3, end=End.NONE, labels=True, viewpoints=(2, 30), targets=T
     expert = ExpertLabels(
         cost=rng.uniform(0, 50, sum(map(len, choices))).astype(np.float32),
         beacon=np.array([rng.choice([-1, *o.beacon_nodes()]) for o in decided], dtype=np.int32),
+        remaining=rng.uniform(0, 500, steps).astype(np.float32),
+        unseen=rng.uniform(0, 5000, steps).astype(np.float32),
     )
     return Chunk(
         episode=int(rng.integers(1000)),
@@ -32,8 +34,10 @@ def chunk(rng, steps=3, end=End.NONE, labels=True, viewpoints=(2, 30), targets=T
         waypoints=np.array([rng.choice(nodes) for nodes in choices], dtype=np.int32),
         rewards=rng.normal(size=steps).astype(np.float32),
         versions=rng.integers(-1, 1000, steps),
+        probabilities=rng.uniform(0, 1, steps).astype(np.float32),
         labels=expert if labels else None,
         end=end,
+        family=int(rng.integers(256)),
     )
 
 

@@ -97,7 +97,7 @@ def test_every_field_is_required_and_no_other_is_allowed(message):
         decode(change(message, "extra", 1), expected)
 
 
-@pytest.mark.parametrize("version", [0, 1, 3, "2", None, True, 2.0])
+@pytest.mark.parametrize("version", [0, 2, 4, "3", None, True, 3.0])
 def test_other_protocol_versions_are_refused(version):
     with pytest.raises(MessageError) as caught:
         decode(change(Ack(1, True, 0.0, "", 1), "v", version), Ack)
@@ -172,6 +172,11 @@ N = len(DELIVERY.body.observations.utility)
         ("body.beacons", np.zeros(2, dtype=np.int32)),
         ("body.waypoints", np.zeros(3, dtype=np.int64)),
         ("body.versions", np.array([0, -2, 0], dtype=np.int64)),
+        ("body.probabilities", np.zeros(2, dtype=np.float32)),
+        ("body.probabilities", np.array([0.5, 1.5, 0.5], dtype=np.float32)),
+        ("body.probabilities", np.array([0.5, np.nan, 0.5], dtype=np.float32)),
+        ("body.family", -1),
+        ("body.family", 256),
         ("body.observations", None),
         ("body.observations.count", np.zeros(3, dtype=np.int32)),
         ("body.observations.count", np.array([1, 1, 1, 2**31 - 1], dtype=np.int32)),
@@ -186,6 +191,9 @@ N = len(DELIVERY.body.observations.utility)
         ("body.labels.cost", np.zeros(0, dtype=np.float32)),
         ("body.labels.cost", DELIVERY.body.labels.cost * np.float32(np.inf)),
         ("body.labels.cost", -1 - DELIVERY.body.labels.cost),
+        ("body.labels.remaining", np.array([1.0, np.inf, 1.0], dtype=np.float32)),
+        ("body.labels.remaining", np.array([1.0, 2.0, 1.0], dtype=np.float64)),
+        ("body.labels.unseen", np.array([1.0, -1.0, 1.0], dtype=np.float32)),
         ("body.labels.extra", 1),
     ],
 )
@@ -246,7 +254,7 @@ def test_only_messages_can_be_encoded():
 
 def test_numbers_of_other_languages_are_understood():
     # A writer whose numbers are all floating may send whole numbers as integers.
-    data = msgpack.packb({"v": 2, "kind": "ack", "sequence": 1, "stored": True, "hold": 0, "error": "", "learner": 2})
+    data = msgpack.packb({"v": 3, "kind": "ack", "sequence": 1, "stored": True, "hold": 0, "error": "", "learner": 2})
     assert decode(data, Ack) == Ack(1, True, 0.0, "", 2)
 
 

@@ -319,3 +319,33 @@ def test_several_steps_stop_at_a_gap():
     # Of the four steps here three have a successor: they sum one, two or three rewards.
     assert set(batch.discounts.tolist()) == {0.5, 0.25, 0.125}
     assert not batch.terminal.any()
+
+
+def test_the_newest_transitions_are_those_that_arrived_last():
+    rng = np.random.default_rng(8)
+    replay = Replay(capacity=30, max_bytes=30_000_000)
+    for episode in range(9):  # the ring has turned: the newest lie before older ones in memory
+        replay.add(deliver(episode_chunks(rng, POOL, 10, 10, End.TERMINAL, labelled=True, episode=episode))[0])
+    batch = replay.sample(300, rng, labelled=True, newest=13)
+    assert set(batch.rewards.tolist()) == {7007.0, 7008.0, 7009.0, *(8000.0 + np.arange(10))}
+    assert len(set(replay.sample(300, rng, newest=1000).rewards.tolist())) == 30
+
+
+def test_rehearsed_steps_come_last_from_the_whole_buffer_and_count_as_nobodys_choice():
+    rng = np.random.default_rng(9)
+    replay = Replay(capacity=1000, max_bytes=30_000_000)
+    chunks = [episode_chunks(rng, POOL, 10, 10, End.TERMINAL, labelled=True, episode=i)[0] for i in range(4)]
+    for chunk in chunks:
+        replay.add(deliver([chunk])[0])
+    batch = replay.sample(300, rng, steps=2, labelled=True, newest=10, rehearsed=100)
+    ones = replay.sample(300, np.random.default_rng(1), labelled=True)
+    assert set(batch.families[:200].tolist()) == {0} and set(batch.families[200:].tolist()) == {0, 1, 2}
+    assert (batch.probabilities[:200] > 0.0).all() and not batch.probabilities[200:].any()
+    assert batch.labelled.all() and batch.labels is not None
+    step = ones.rewards.astype(int) % 1000
+    episode = ones.rewards.astype(int) // 1000
+    for name in ("remaining", "unseen"):
+        told = np.array([getattr(chunks[e].labels, name)[s] for e, s in zip(episode, step, strict=True)])
+        assert np.array_equal(getattr(ones.labels, name), told)
+    chances = np.array([chunks[e].probabilities[s] for e, s in zip(episode, step, strict=True)])
+    assert np.array_equal(ones.probabilities, chances)

@@ -82,21 +82,22 @@ def test_a_changed_configuration_keeps_the_one_before(tmp_path):
         assert run.config.learner.total_updates == 5
 
 
-def test_a_run_of_an_earlier_format_can_be_exported_but_not_continued(tmp_path):
+@pytest.mark.parametrize("written", [1, 2])
+def test_a_run_of_an_earlier_format_can_be_exported_but_not_continued(tmp_path, written):
     with RunFolder.create(tmp_path, RunConfig(name="a")) as run:
         marker = json.loads((run.path / "run.json").read_text())
-        (run.path / "run.json").write_text(json.dumps(marker | {"format": 1}))
+        (run.path / "run.json").write_text(json.dumps(marker | {"format": written}))
     check_run(tmp_path / "a")
-    advice = r"format 1, .*cannot read experience.*export --run a.*learner\.initial_policy"
+    advice = rf"format {written}, .*cannot read experience.*export --run a.*learner\.initial_policy"
     with pytest.raises(CheckpointError, match=advice):
         check_run(tmp_path / "a", to_continue=True)
     with pytest.raises(CheckpointError, match=advice):
         RunFolder.open(tmp_path, "a")
 
 
-@pytest.mark.parametrize("written", [0, 3, "1", None])
+@pytest.mark.parametrize("written", [0, 4, "1", None])
 def test_a_run_of_an_unknown_format_is_refused(tmp_path, written):
     RunFolder.create(tmp_path, RunConfig(name="a")).close()
     (tmp_path / "a" / "run.json").write_text(json.dumps({"format": written}))
-    with pytest.raises(CheckpointError, match="this software reads format 2 and earlier ones"):
+    with pytest.raises(CheckpointError, match="this software reads format 3 and earlier ones"):
         check_run(tmp_path / "a")

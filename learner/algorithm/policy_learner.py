@@ -1,0 +1,224 @@
+"""What every learner of the policy shares: imitation, the contrastive loss, the average, and an exact state."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from common.config.schema import RunConfig
+from common.errors import CheckpointError
+from common.network.graph_batch import GraphBatch
+from common.network.policy_network import PolicyNetwork, PolicyOutput
+from common.network.segment import segment_sum
+from common.network.state import load_arrays, to_arrays
+from learner.algorithm.augment import augment
+from learner.algorithm.batch import TransitionBatch
+from learner.algorithm.cloning import cloning_loss
+from learner.algorithm.device import wants_bf16
+from learner.algorithm.losses import entropies, triplet_loss, triplets, waypoint_marginal
+from learner.algorithm.optimisers import Optimiser, blend, scheduled_rate
+from learner.algorithm.sample import Sample
+
+
+class PolicyLearner(ABC):
+    """The policy, its moving average, and the updates that imitate the expert.
+
+    The first `cloning.updates` updates imitate; what the others do, `_reinforce` of a subclass says. The same seed and
+    batches give the same weights on the CPU.
+
+    Usage::
+
+        learner = SacLearner(config, torch.device("cpu"))
+        metrics = learner.update(replay.sample())
+        weights = learner.policy_weights(averaged=False)
+
+    Args:
+        config: of the run; make the learner within `seeded`.
+        device: where the networks are.
+        clip_norm: gradients of the policy are clipped to this norm.
+
+    Attributes:
+        updates: updates done.
+    """
+
+    def __init__(self, config: RunConfig, device: torch.device, clip_norm: float) -> None:
+        self.config = config
+        self.device = device
+        self.updates = 0
+        self.policy = PolicyNetwork(config.network).to(device)
+        self.average = deepcopy(self.policy).requires_grad_(False)
+        self._optimisers = {"policy": Optimiser(self.policy, clip_norm)}
+        self._rng = np.random.default_rng(config.seed)
+        self._autocast = wants_bf16(config.learner.precision, device)
+
+    # --- what subclasses say -------------------------------------------------------------------------------------
+
+    @property
+    @abstractmethod
+    def stage(self) -> str:
+        """What the next update does: ``cloning`` while it imitates, or a name of the subclass."""
+
+    @abstractmethod
+    def _reinforce(self, batch: TransitionBatch, metrics: dict[str, Tensor]) -> None:
+        """Make an update after the imitation stage."""
+
+    def _augmented(self, batch: TransitionBatch) -> TransitionBatch:
+        """Draw and apply symmetries of the world."""
+        return augment(batch, self._rng)
+
+    def _modules(self) -> dict[str, nn.Module]:
+        """Return all that has weights or buffers to save, by name."""
+        return {"policy": self.policy, "average": self.average}
+
+    # --- the contract of `Algorithm` -----------------------------------------------------------------------------
+
+    def update(self, batch: TransitionBatch) -> dict[str, float]:
+        """Learn from one batch; return the update's metrics by their TensorBoard names.
+
+        Raises:
+            ValueError: a chosen node is no beacon or waypoint of its observation, or the batch lacks labels.
+        """
+        if self.config.learner.augment:
+            batch = self._augmented(batch)
+        metrics: dict[str, Tensor] = {}
+        if self.stage == "cloning":
+            self._imitate(Sample.make(batch, self.config, self.device, bootstrap=False), metrics)
+        else:
+            self._reinforce(batch, metrics)
+        self.updates += 1
+        return _to_floats(metrics)
+
+    def adopt(self, weights: dict[str, NDArray[np.float32]]) -> None:
+        """Begin with these policy weights; all else stays as it is.
+
+        Raises:
+            WeightsError: a weight is missing, unknown, of another shape or type, or not finite; the error names it.
+        """
+        load_arrays(self.policy, weights)
+        load_arrays(self.average, weights)
+
+    def policy_weights(self, averaged: bool) -> dict[str, NDArray[np.float32]]:
+        """Copy the policy's weights to the host: the moving average of them, or the newest."""
+        return to_arrays(self.average if averaged and self.config.learner.average_decay > 0 else self.policy)
+
+    def state(self) -> tuple[dict[str, Tensor], dict[str, Any]]:
+        """Return everything that exact resumption needs: named tensors, and values that JSON can hold."""
+        tensors: dict[str, Tensor] = {}
+        for module, values in self._modules().items():
+            for name, value in values.state_dict().items():
+                tensors[f"{module}/{name}"] = value.detach().cpu().clone().contiguous()
+        moments: dict[str, int] = {}
+        for optimiser, adam in self._optimisers.items():
+            held = adam.state()
+            moments[optimiser] = len(held)
+            tensors.update({f"optimiser.{optimiser}/{name}": value for name, value in held.items()})
+        return tensors, {"updates": self.updates, "random": self._rng.bit_generator.state, "moments": moments}
+
+    def restore(self, tensors: dict[str, Tensor], values: dict[str, Any]) -> None:
+        """Continue from a `state`.
+
+        Raises:
+            CheckpointError: the state lacks something, as that of another algorithm does.
+            WeightsError: a weight does not fit this configuration; the error names it.
+        """
+        groups: dict[str, dict[str, Tensor]] = {}
+        for full_name, value in tensors.items():
+            group, _, name = full_name.partition("/")
+            groups.setdefault(group, {})[name] = value
+        missing = (set(self._modules()) - set(groups)) | ({"updates", "random", "moments"} - set(values))
+        for optimiser, count in values.get("moments", {}).items():
+            if len(groups.get(f"optimiser.{optimiser}", {})) != count:
+                missing.add(f"optimiser.{optimiser}")
+        if missing:
+            raise CheckpointError(
+                f"the learner's state lacks all or part of {sorted(missing)}: use an older checkpoint, and the "
+                "algorithm of the run"
+            )
+        for module, held in self._modules().items():
+            load_arrays(held, {name: value.numpy() for name, value in groups[module].items()})
+        for optimiser, adam in self._optimisers.items():
+            adam.restore(groups.get(f"optimiser.{optimiser}", {}))
+        self.updates = int(values["updates"])
+        self._rng.bit_generator.state = values["random"]
+
+    # --- parts for subclasses ------------------------------------------------------------------------------------
+
+    def _imitate(self, sample: Sample, metrics: dict[str, Tensor]) -> None:
+        """Descend the imitation loss; a batch without labels changes nothing."""
+        if sample.guidance is None:
+            return
+        with self._precision():
+            output = self.policy(sample.now)
+        loss = cloning_loss(output, sample.guidance, sample.now, self.config.cloning)
+        rate = scheduled_rate(
+            self.config.cloning.learning_rate,
+            self.updates,
+            self.config.learner.total_updates,
+            self.config.adam.model_copy(update={"schedule": "constant"}),
+        )
+        metrics["loss/cloning"] = loss.total
+        metrics["cloning/expected_cost"] = loss.expected_cost
+        metrics["cloning/cross_entropy"] = loss.cross_entropy
+        metrics["cloning/beacon_cross_entropy"] = loss.beacon_cross_entropy
+        self._descend(loss.total, rate, output, sample.now, metrics)
+
+    def _descend(
+        self, loss: Tensor, rate: float, output: PolicyOutput, batch: GraphBatch, metrics: dict[str, Tensor]
+    ) -> None:
+        """Move the policy down a loss, and the average after it, which soon forgets the first updates."""
+        metrics["gradient/policy"] = self._optimisers["policy"].step(loss, rate)
+        with torch.no_grad():
+            of_beacon, of_waypoint = entropies(output, batch)
+        metrics["entropy/beacon"], metrics["entropy/waypoint"] = of_beacon.mean(), of_waypoint.mean()
+        if self.config.learner.average_decay > 0.0:
+            decay = min(self.config.learner.average_decay, (1 + self.updates) / (10 + self.updates))
+            blend(self.policy.parameters(), self.average.parameters(), 1.0 - decay)
+
+    def _contrast(self, batch: GraphBatch, output: PolicyOutput, q: Tensor) -> Tensor:
+        """Contrastive joint optimisation (Algorithm 2) with the values q of all pairs as the judge."""
+        config = self.config.contrastive
+        chance = torch.from_numpy(self._rng.random(len(batch.waypoint_rows), dtype=np.float32)).to(self.device)
+        with torch.no_grad():
+            ones = torch.ones_like(q)
+            probability = waypoint_marginal(output.log_waypoint.exp(), output, batch)
+            weight = waypoint_marginal(ones, output, batch)
+            value = waypoint_marginal(q, output, batch) / weight.clamp(min=1e-12)
+            chosen = triplets(probability, value, chance, batch.waypoint_graph, len(batch))
+        loss = triplet_loss(output.waypoint_features, *chosen, config.margin)
+        if config.beacons and output.beacon_features is not None:
+            chance = torch.from_numpy(self._rng.random(len(batch.beacon_rows), dtype=np.float32)).to(self.device)
+            with torch.no_grad():
+                worth = segment_sum(output.log_waypoint.exp() * q, batch.pair_beacon, len(batch.beacon_rows))
+                chosen = triplets(output.log_beacon, worth, chance, batch.beacon_graph, len(batch))
+            loss = loss + triplet_loss(output.beacon_features, *chosen, config.margin)
+        return loss
+
+    def _rate(self, peak: float) -> float:
+        return scheduled_rate(peak, self.updates, self.config.learner.total_updates, self.config.adam)
+
+    def _precision(self) -> AbstractContextManager[Any]:
+        return torch.autocast(self.device.type, dtype=torch.bfloat16, enabled=self._autocast)
+
+
+@contextmanager
+def seeded(seed: int) -> Iterator[None]:
+    """Let networks that are made within begin with the weights of this seed, and leave torch's own chance alone."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        yield
+
+
+def _to_floats(metrics: dict[str, Tensor]) -> dict[str, float]:
+    """Fetch all metrics from the device at once."""
+    if not metrics:
+        return {}
+    values = torch.stack([value.detach().float() for value in metrics.values()]).tolist()
+    return dict(zip(metrics, values, strict=True))

@@ -1,0 +1,45 @@
+"""What of the replay buffer each kind of update learns from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from common.config.schema import RunConfig
+from learner.algorithm.batch import TransitionBatch
+from learner.replay.buffer import Replay
+
+
+def draw_batch(
+    replay: Replay, config: RunConfig, size: int, rng: np.random.Generator, *, cloning: bool
+) -> TransitionBatch:
+    """Draw the batch of one update.
+
+    Imitation takes labelled steps of the whole buffer. Soft actor-critic takes transitions of the whole buffer,
+    labelled ones where its critics are told what the expert knows. Proximal policy optimisation takes the newest
+    transitions, and beside them labelled steps of the whole buffer for imitation.
+
+    Args:
+        replay: the buffer.
+        config: of the run.
+        size: transitions to draw.
+        rng: source of chance.
+        cloning: the update only imitates.
+
+    Raises:
+        ValueError: the buffer holds nothing of the kind.
+    """
+    if cloning:
+        return replay.sample_labelled(size, rng)
+    if config.algorithm == "ppo":
+        ppo = config.ppo
+        return replay.sample(
+            size,
+            rng,
+            steps=ppo.n_step,
+            gamma=ppo.gamma,
+            labelled=True,
+            newest=ppo.window,
+            rehearsed=int(ppo.rehearsal * size),
+        )
+    sac = config.sac
+    return replay.sample(size, rng, steps=sac.n_step, gamma=sac.gamma, labelled=sac.privileged_critic)
