@@ -458,7 +458,7 @@ class RunConfig(Section):
     task: TaskConfig = Field(default_factory=TaskConfig)
     """What the robot must do."""
     both_tasks: bool = False
-    """Train one policy for both tasks, on episodes of the two in turn, whatever `task.name` says."""
+    """Train one policy for both tasks, with half of all steps each, whatever `task.name` says."""
     reward: RewardConfig = Field(default_factory=RewardConfig)
     """The reward."""
     network: NetworkConfig = Field(default_factory=NetworkConfig)
