@@ -39,7 +39,8 @@ def find_lookouts(
         first_of: first piece of each square.
         frontiers: cells, flat, int32.
         reach: a frontier lies beside clear space up to so many cells away, in line of sight.
-        been_reach: so many cells around a place where the robot has been, another look shows nothing new.
+        been_reach: so many cells around a place where the robot has been, and in sight of it, another look shows
+            nothing new.
         lookouts: receives x and y of each piece's place, subcells, int64, shape (pieces, 2); -1 where there is none.
     """
     width = cells.width
@@ -60,14 +61,16 @@ def find_lookouts(
         if best < 0:
             continue
         row, column = best // width, best % width
+        x, y = (column << SUBCELL_BITS) + SUBCELLS // 2, (row << SUBCELL_BITS) + SUBCELLS // 2
         been = False
         for r in range(max(row - been_reach, 1), min(row + been_reach, height - 2) + 1):
             for c in range(max(column - been_reach, 1), min(column + been_reach, width - 2) + 1):
-                been |= cells.been[r * width + c]
+                if cells.been[r * width + c] and not been:
+                    from_x, from_y = (c << SUBCELL_BITS) + SUBCELLS // 2, (r << SUBCELL_BITS) + SUBCELLS // 2
+                    been = blocker(cells.belief, width, from_x, from_y, x, y) == CLEAR
         piece = piece_at(pieces, first_of, cells, layout, best)
         # The nearest of all, then the first cell: the order of the frontiers plays no part.
         key = best_far * len(cells.clear) + best
         if not been and key < nearest[piece]:
             nearest[piece] = key
-            lookouts[piece, 0] = (column << SUBCELL_BITS) + SUBCELLS // 2
-            lookouts[piece, 1] = (row << SUBCELL_BITS) + SUBCELLS // 2
+            lookouts[piece, 0], lookouts[piece, 1] = x, y

@@ -370,7 +370,11 @@ class ReferenceMapper:
             if not near:
                 continue
             best = min(near)
-            if any(max(abs(best[1][k] - cell[k]) for k in (0, 1)) <= known for cell in self.been):
+            place = best[1]
+            if any(
+                max(abs(place[k] - cell[k]) for k in (0, 1)) <= known and self.sees(middle(cell), middle(place))
+                for cell in self.been
+            ):
                 continue
             piece = self.piece_at[best[1]]
             nearest[piece] = min(nearest.get(piece, best), best)
