@@ -94,7 +94,7 @@ def test_the_whole_floor_is_seen(plan):
 @pytest.mark.slow
 @pytest.mark.skipif(not FLOOR_PLANS.is_dir(), reason="the public floor plans are not in ../shared/data/maps/floorplans")
 def test_a_real_floor_plan_is_seen_to_its_last_room():
-    walk = Walk(load_image(FLOOR_PLANS / "50052748_0.png", RESOLUTION), CONFIG)
+    walk = Walk(load_image(FLOOR_PLANS / "50052750_1.png", RESOLUTION), CONFIG)
     for _ in range(1500):
         if not walk.step():
             break
