@@ -17,6 +17,7 @@ from common.mapping.cell_grid import ClearGrid
 from common.mapping.clearance import CLEAR_CELL, SWEEP_TOLERANCE, TIGHT, sweep
 from common.mapping.distances import shortest_paths
 from common.mapping.frontiers import FrontierChanges, Frontiers
+from common.mapping.lookouts import Remains
 from common.mapping.pieces import cells_of_nodes
 from common.mapping.planning_set import Frame, anything_left, gather, sparse_edges
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
@@ -80,6 +81,7 @@ class Mapper:
         self.frontiers_removed = 0
         self._config = config
         self._lattice_origin = lattice_origin
+        self._observable_reach = round(config.observable_range / config.resolution * SUBCELLS)
         self._beacon_reach = round(config.beacon_range / config.resolution * SUBCELLS)
         self.target = target
         self._pose: Pose | None = None
@@ -120,7 +122,8 @@ class Mapper:
         self._order, self._numbers, self._edges = self._graph.reachable()
         if not anything_left(self._order, self._graph.pieces, self._utility.counts, self._config.least_utility):
             cells = np.flatnonzero(self._frontiers.padded_mask).astype(np.int32)
-            self._graph.update(None, NOTHING_LOST, robot, frontiers=cells)
+            remains = Remains(cells, self._observable_reach, self._config.least_utility)
+            self._graph.update(None, NOTHING_LOST, robot, remains=remains)
             self._update_utility(_NO_CHANGES)
             self._order, self._numbers, self._edges = self._graph.reachable()
         self._plan()

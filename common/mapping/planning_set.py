@@ -85,7 +85,9 @@ def _gather(
         offsets[node, 0] = np.rint((p.x - layout.x[0]) * scale)
         offsets[node, 1] = np.rint((p.y - layout.y[0]) * scale)
         count = counts[order[node]]
-        utility[node] = min(count, 65535) if count >= threshold else 0
+        # A lookout is one because it is worth a look.
+        useful = count >= threshold or (p.lookout and count > 0)
+        utility[node] = min(count, 65535) if useful else 0
         visited[node] = p.visited and not p.lookout
     at_x, at_y = offsets[robot, 0], offsets[robot, 1]
     farthest = np.int64(0)
@@ -120,7 +122,8 @@ def gather(
         pieces: all pieces.
         layout: of the squares.
         counts: observable frontiers of each piece's viewpoint.
-        min_utility: a viewpoint that observes fewer counts as useless, as long as another observes so many.
+        min_utility: a viewpoint that observes fewer counts as useless, as long as another observes so many; lookouts
+            are always useful.
         least_utility: likewise when none does.
         robot: node number of the robot's viewpoint.
         frame: where squares and cells lie.

@@ -17,7 +17,7 @@ from common.mapping.adjacency import Adjacency, reach
 from common.mapping.candidates import forget_pairs, list_pairs, most_pairs, update_pairs
 from common.mapping.cell_grid import AnchoredGrid
 from common.mapping.clearance import Clearance
-from common.mapping.lookouts import find_lookouts
+from common.mapping.lookouts import Remains, find_lookouts
 from common.mapping.pieces import NOWHERE, PIECE, Cells
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 from common.mapping.settling import choose, label_dirty, mark_beside, settle
@@ -36,6 +36,7 @@ BEEN_REACH: Final = 0.3
 Pairs = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
 Touches = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]
 _NO_PIECES: Final = np.zeros(0, dtype=np.int32)
+_NOTHING_REMAINS: Final = Remains(_NO_PIECES, 0, 1)
 
 
 @njit(cache=True, nogil=True)
@@ -54,7 +55,7 @@ def _renew_viewpoints(
     clear_reach: int,
     visit_reach: int,
     everywhere: bool,
-    frontiers: NDArray[np.int32],
+    remains: Remains,
     been_reach: int,
     pairs: Pairs,
     touches: Touches,
@@ -80,7 +81,7 @@ def _renew_viewpoints(
     if everywhere and here >= 0:
         cells.been[cell_for(cells, robot[0], robot[1], clear_reach)] = True
         pieces[here].visited = True
-        find_lookouts(cells, layout, pieces, first_of, frontiers, clear_reach, been_reach, lookouts)
+        find_lookouts(cells, layout, pieces, first_of, remains, clear_reach, been_reach, lookouts)
     fresh_count, ended_count = choose(
         cells, layout, pieces, used, touch_count, touched, here, everywhere, lookouts, margin, fresh, ended
     )
@@ -239,7 +240,7 @@ class ViewpointGraph:
         return self._pairs, self._touches
 
     def update(
-        self, changed: Box | None, lost: Box, robot: tuple[int, int], *, frontiers: NDArray[np.int32] | None = None
+        self, changed: Box | None, lost: Box, robot: tuple[int, int], *, remains: Remains | None = None
     ) -> None:
         """Bring clear space, pieces, viewpoints and edges up to date.
 
@@ -247,8 +248,8 @@ class ViewpointGraph:
             changed: box of all cells of the belief that changed, whose squares `dirty` names; None for none.
             lost: box of those that are free no more; its second number is -1 when there are none.
             robot: where the robot stands, subcells.
-            frontiers: all frontier cells, flat, int32, when nothing else is left to look at: then no piece waits for
-                its lattice point, and viewpoints move to lookouts. None otherwise.
+            remains: what frontiers there are, when nothing else is left to look at: then no piece waits for its lattice
+                point, and viewpoints move to lookouts. None otherwise.
         """
         cells, layout = self.cells, self.layout
         self._release()
@@ -263,8 +264,8 @@ class ViewpointGraph:
                 self._reserve(self.used + max(self.used, total))
         self._free_count, self._gone, self.robot, self.fresh, self.ended, most = _renew_viewpoints(
             cells, layout, self.pieces, self.first_of, changed is not None, self.dirty, self._counts, self._free,
-            self._free_count, self._margin, robot, self._clear_reach, self._visit_reach, frontiers is not None,
-            _NO_PIECES if frontiers is None else frontiers, self._been_reach, self._pairs, self._touches,
+            self._free_count, self._margin, robot, self._clear_reach, self._visit_reach, remains is not None,
+            remains or _NOTHING_REMAINS, self._been_reach, self._pairs, self._touches,
         )  # fmt: skip
         self._reserve_pairs(most)
         self.changed = _renew_edges(

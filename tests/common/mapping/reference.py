@@ -354,32 +354,54 @@ class ReferenceMapper:
     def _move_to_lookouts(self) -> None:
         """Let the viewpoint of each piece stand at the clear cell that is nearest to a frontier, unless that is known.
 
-        A frontier belongs to the nearest clear cell that sees it.
+        A frontier belongs to the nearest clear cell that sees it, and to those of the cells around it that see it, too.
+        A cell that observes too few frontiers to be useful is passed over, unless they are all that a gap shows.
         """
-        reach, known = self.clear_reach, max(round(0.3 / self.config.resolution), 1)
+        reach = self.clear_reach
         nearest: dict[Piece, tuple[int, Cell]] = {}
-        for frontier in self.all_frontiers:
-            row, column = frontier
+        for row, column in self.all_frontiers:
             near = [
                 (up**2 + right**2, (row + up, column + right))
-                for up in range(-reach, reach + 1)
-                for right in range(-reach, reach + 1)
+                for up in range(-reach - 1, reach + 2)
+                for right in range(-reach - 1, reach + 2)
                 if (row + up, column + right) in self.passable
-                and self.sees(middle(frontier), middle((row + up, column + right)))
+                and self.sees(middle((row, column)), middle((row + up, column + right)))
             ]
-            if not near:
+            inside = [
+                (far, place) for far, place in near if max(abs(place[0] - row), abs(place[1] - column)) <= reach
+            ]
+            if not inside or self._has_been(min(inside)[1]):
                 continue
-            best = min(near)
-            place = best[1]
-            if any(
-                max(abs(place[k] - cell[k]) for k in (0, 1)) <= known and self.sees(middle(cell), middle(place))
-                for cell in self.been
-            ):
-                continue
-            piece = self.piece_at[best[1]]
-            nearest[piece] = min(nearest.get(piece, best), best)
+            first = min(inside)[1]
+            for far, place in near:
+                if (
+                    max(abs(place[k] - first[k]) for k in (0, 1)) <= 1
+                    and not self._has_been(place)
+                    and (
+                        self._in_gap((row, column))
+                        or self._observed_from(middle(place)) >= self.config.least_utility
+                    )
+                ):
+                    piece = self.piece_at[place]
+                    nearest[piece] = min(nearest.get(piece, (far, place)), (far, place))
         for piece, (_, cell) in nearest.items():
             piece.place, piece.lookout = middle(cell), True
+
+    def _in_gap(self, cell: Cell) -> bool:
+        """Whether a frontier that the robot fits in has a wall on one side, nothing free on the other, unknown ahead."""
+        up, down, right, left = (self.cells.get(there) for there in beside(cell))
+        return cell in self.passable and any(
+            FREE not in sides and OCCUPIED in sides and None in ends
+            for sides, ends in (((up, down), (left, right)), ((left, right), (up, down)))
+        )
+
+    def _has_been(self, place: Cell) -> bool:
+        """Whether the robot has been near a place, in sight of it."""
+        known = max(round(0.3 / self.config.resolution), 1)
+        return any(
+            max(abs(place[k] - cell[k]) for k in (0, 1)) <= known and self.sees(middle(cell), middle(place))
+            for cell in self.been
+        )
 
     # -------------------------------------------------------------------------------------------------- observation
 
@@ -419,12 +441,12 @@ class ReferenceMapper:
 
     def _count(self) -> None:
         """The frontiers that viewpoints observe."""
+        self.counts = {piece: self._observed_from(piece.place) for piece in self.viewpoints}
+
+    def _observed_from(self, place: Point) -> int:
         centres = [middle(cell) for cell in self.all_frontiers]
         reach = self.config.observable_range
-        self.counts = {
-            piece: sum(self.within(piece.place, f, reach) and self.sees(piece.place, f) for f in centres)
-            for piece in self.viewpoints
-        }
+        return sum(self.within(place, f, reach) and self.sees(place, f) for f in centres)
 
     def _connect(self) -> None:
         """Straight edges and bent ones, and the viewpoints that they connect with the robot's."""
@@ -456,7 +478,10 @@ class ReferenceMapper:
         config, nodes = self.config, self.nodes
         counts = [self.counts[piece] for piece in nodes]
         threshold = config.min_utility if max(counts) >= config.min_utility else config.least_utility
-        self.utility = [count if count >= min(threshold, config.min_utility) else 0 for count in counts]
+        self.utility = [
+            count if count >= min(threshold, config.min_utility) or piece.lookout else 0
+            for count, piece in zip(counts, nodes, strict=True)
+        ]
         self.beacon = self._beacons()
         self.links: list[int] = []
         self.target_known = False
