@@ -19,11 +19,11 @@ from common.mapping.cell_grid import AnchoredGrid
 from common.mapping.clearance import Clearance
 from common.mapping.lookouts import Remains, find_lookouts
 from common.mapping.pieces import NOWHERE, PIECE, Cells
-from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
+from common.mapping.raycast import SUBCELL_BITS, SUBCELLS, cell_middle
 from common.mapping.settling import choose, label_dirty, mark_beside, settle
 from common.mapping.sight import NOTHING_LOST, Box
 from common.mapping.squares import Layout, lay_out
-from common.mapping.standing import MARGIN_REACH, cell_for, locate, nearest_clear, piece_of, pieces_at
+from common.mapping.standing import MARGIN_REACH, cell_for, locate, piece_of, pieces_at, way_out
 from common.mapping.touches import find_touches, forget_ways, measure_ways
 from common.mapping.ways import way_between, way_inside
 
@@ -307,23 +307,23 @@ class ViewpointGraph:
     def way_within(self, piece: int, start: tuple[int, int], goal: tuple[int, int]) -> NDArray[np.int64]:
         """Return the corners of a way through one piece from one point to another, subcells, both included.
 
-        A point beside clear space is joined straight to the nearest clear cell.
+        A point beside clear space is joined to a clear cell nearby.
         """
         p = self.pieces[piece]
         square, label = int(p["square"]), int(p["label"])
-        enter, leave = self._entry(start), self._entry(goal)
-        corners = way_inside(self.cells, self.layout, square, label, square, label, enter, leave)
-        before = [start] if enter != start else []
-        after = [goal] if leave != goal else []
-        return np.array([*before, *corners.tolist(), *after], dtype=np.int64)
+        before, after = self._way_in(start), self._way_in(goal)
+        corners = way_inside(self.cells, self.layout, square, label, square, label, before[-1], after[-1])
+        return np.array([*before[:-1], *corners.tolist(), *after[-2::-1]], dtype=np.int64)
 
-    def _entry(self, point: tuple[int, int]) -> tuple[int, int]:
-        """Return a point itself when it lies in clear space, else the middle of the nearest clear cell that it sees."""
+    def _way_in(self, point: tuple[int, int]) -> list[tuple[int, int]]:
+        """Return the corners of the way from a point into clear space, both included: the point alone if it lies there.
+
+        It comes no nearer to obstacles than the point is, if there is such a way.
+        """
         cells = self.cells
         if cells.labels[(point[1] >> SUBCELL_BITS) * cells.width + (point[0] >> SUBCELL_BITS)]:
-            return point
-        cell = int(nearest_clear(cells, *point, self._clear_reach))
-        return (cell % cells.width) * SUBCELLS + SUBCELLS // 2, (cell // cells.width) * SUBCELLS + SUBCELLS // 2
+            return [point]
+        return [point, *(cell_middle(cell, cells.width) for cell in way_out(cells, *point, self._clear_reach).tolist())]
 
     def _release(self) -> None:
         """Give the numbers of pieces that ended with the update before to new ones: until now they told what ended."""

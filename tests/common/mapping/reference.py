@@ -296,7 +296,8 @@ class ReferenceMapper:
         """The clear cell that stands for a point: the one that holds it, else the nearest that it can be driven to.
 
         A point on a border belongs to the lower cell. The straight line to the nearest cell is free; those are
-        preferred to which it comes no nearer to anything that is not free than the point is.
+        preferred to which it comes no nearer to anything that is not free than the point is, and where there is none of
+        them, one that is reached over other cells, as near to anything as the point at most.
         """
         cell = cell_of((point[0] - 1, point[1] - 1))
         if cell in self.piece_at:
@@ -309,16 +310,30 @@ class ReferenceMapper:
             for there_column in range(column - reach, column + reach + 1)
         ]
         seen = [cell for cell in around if cell in self.passable and self.sees(point, middle(cell))]
-        if not seen:
-            return None
         before = self.space_around(point, point, reach)
 
-        def rank(cell: Cell) -> tuple[bool, int, Cell]:
-            x, y = middle(cell)
-            nearer = self.space_around(point, (x, y), reach) < before - 1e-4
-            return nearer, (x - point[0]) ** 2 + (y - point[1]) ** 2, cell
+        def keeps(a: Point, b: Point) -> bool:
+            return self.space_around(a, b, reach) >= before - 1e-4
 
-        return min(seen, key=rank)
+        def far(cell: Cell) -> tuple[int, Cell]:
+            x, y = middle(cell)
+            return (x - point[0]) ** 2 + (y - point[1]) ** 2, cell
+
+        kept = [cell for cell in seen if keeps(point, middle(cell))]
+        if kept:
+            return min(kept, key=far)
+        beginning = [cell for cell in around if max(abs(cell[0] - row), abs(cell[1] - column)) <= 2]
+        reached = [cell for cell in beginning if self.sees(point, middle(cell)) and keeps(point, middle(cell))]
+        for cell in reached:
+            if cell in self.passable:
+                return cell
+            up, down, right, left = beside(cell)
+            reached += [
+                there
+                for there in (down, left, right, up)
+                if there in around and there not in reached and self.free(there) and keeps(middle(there), middle(there))
+            ]
+        return min(seen, key=far) if seen else None
 
     def space_around(self, a: Point, b: Point, most: float) -> float:
         """Distance of a segment from the nearest cell that is not free, cells, at most ``most``."""
