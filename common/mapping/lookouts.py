@@ -62,7 +62,7 @@ def _in_gap(cells: Cells, frontier: int) -> bool:
     for along, across in ((1, width), (width, 1)):
         left, right = belief[frontier - across], belief[frontier + across]
         ahead, behind = belief[frontier + along], belief[frontier - along]
-        if left != FREE and right != FREE and (left == OCCUPIED or right == OCCUPIED) and min(ahead, behind) < FREE:
+        if FREE not in (left, right) and OCCUPIED in (left, right) and min(ahead, behind) < FREE:
             return True
     return False
 

@@ -11,7 +11,6 @@ from common.config.schema import MappingConfig
 from common.errors import MappingError
 from common.geometry import Pose, Scan
 from common.mapping.adjacency import Adjacency
-from common.mapping.beacons import find_beacons
 from common.mapping.belief import Belief
 from common.mapping.cell_grid import ClearGrid
 from common.mapping.clearance import CLEAR_CELL, SWEEP_TOLERANCE, TIGHT, sweep
@@ -19,7 +18,7 @@ from common.mapping.distances import shortest_paths
 from common.mapping.frontiers import FrontierChanges, Frontiers
 from common.mapping.lookouts import Remains
 from common.mapping.pieces import cells_of_nodes
-from common.mapping.planning_set import Frame, anything_left, gather, sparse_edges
+from common.mapping.planning_set import Frame, anything_left, plan
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 from common.mapping.sight import CLEAR, NOTHING_LOST, blocker
 from common.mapping.target import Target
@@ -432,29 +431,26 @@ class Mapper:
                 "raise mapping.viewpoint_spacing"
             )
         self._robot = int(self._numbers[graph.robot])
-        x, y, self._positions, offsets, utility, visited = gather(
+        known = plan(
             self._order, graph.pieces, graph.layout, self._utility.counts, config.min_utility, config.least_utility,
-            self._robot, self._frame,
+            self._robot, self._frame, self.belief.padded, self._beacon_reach, self._edges,
         )  # fmt: skip
-        padded = self.belief.padded
-        cells, width = padded.reshape(-1), padded.shape[1]
-        beacon = find_beacons(cells, width, x, y, utility > 0, self._beacon_reach)
-        degree, neighbours, bent, bent_length = sparse_edges(self._edges, config.viewpoint_spacing)
+        self._positions = known.positions
         target = self._target
         if target is not None:
-            target.tie(self.belief, graph, self._numbers, x, y, beacon)
+            target.tie(self.belief, graph, self._numbers, known.x, known.y, known.beacon)
             links, offset = target.links.astype(np.uint16), target.offset(self.position(self._robot))
         else:
             links, offset = np.empty(0, dtype=np.uint16), np.zeros(2, dtype=np.float32)
         self._observation = Observation(
-            offsets=offsets,
-            utility=utility,
-            visited=visited,
-            beacon=beacon,
-            degree=degree,
-            neighbours=neighbours,
-            bent=bent,
-            bent_length=bent_length,
+            offsets=known.offsets,
+            utility=known.utility,
+            visited=known.visited,
+            beacon=known.beacon,
+            degree=known.degree,
+            neighbours=known.neighbours,
+            bent=known.bent,
+            bent_length=known.bent_length,
             robot=self._robot,
             has_target=target is not None,
             target_known=target is not None and target.known,

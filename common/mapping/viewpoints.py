@@ -20,7 +20,7 @@ from common.mapping.clearance import Clearance
 from common.mapping.lookouts import Remains, find_lookouts
 from common.mapping.pieces import NOWHERE, PIECE, Cells
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS, cell_middle
-from common.mapping.settling import choose, label_dirty, mark_beside, settle
+from common.mapping.settling import choose, label_dirty, settle
 from common.mapping.sight import NOTHING_LOST, Box
 from common.mapping.squares import Layout, lay_out
 from common.mapping.standing import MARGIN_REACH, cell_for, locate, piece_of, pieces_at, way_out
@@ -239,9 +239,7 @@ class ViewpointGraph:
         """All possible edges, connected with the robot or not, as `candidates` and `touches` keep them."""
         return self._pairs, self._touches
 
-    def update(
-        self, changed: Box | None, lost: Box, robot: tuple[int, int], *, remains: Remains | None = None
-    ) -> None:
+    def update(self, changed: Box | None, lost: Box, robot: tuple[int, int], *, remains: Remains | None = None) -> None:
         """Bring clear space, pieces, viewpoints and edges up to date.
 
         Args:
@@ -258,8 +256,7 @@ class ViewpointGraph:
             box, lost = self._clearance.update(
                 cells.belief.reshape(-1, cells.width), changed, lost, layout, self.dirty, self.beside
             )
-            mark_beside(self.pieces, self.first_of, self.dirty, self.beside)
-            total = int(label_dirty(cells, layout, self.dirty, self._counts))
+            total = int(label_dirty(cells, layout, self.pieces, self.first_of, self.dirty, self.beside, self._counts))
             if total > self._free_count:
                 self._reserve(self.used + max(self.used, total))
         self._free_count, self._gone, self.robot, self.fresh, self.ended, most = _renew_viewpoints(
@@ -328,6 +325,8 @@ class ViewpointGraph:
     def _release(self) -> None:
         """Give the numbers of pieces that ended with the update before to new ones: until now they told what ended."""
         gone, self._gone = self._gone, _NO_PIECES
+        if not len(gone):
+            return
         self._free[self._free_count : self._free_count + len(gone)] = gone
         self._free_count += len(gone)
 

@@ -382,9 +382,7 @@ class ReferenceMapper:
                 if (row + up, column + right) in self.passable
                 and self.sees(middle((row, column)), middle((row + up, column + right)))
             ]
-            inside = [
-                (far, place) for far, place in near if max(abs(place[0] - row), abs(place[1] - column)) <= reach
-            ]
+            inside = [(far, place) for far, place in near if max(abs(place[0] - row), abs(place[1] - column)) <= reach]
             if not inside or self._has_been(min(inside)[1]):
                 continue
             first = min(inside)[1]
@@ -392,10 +390,7 @@ class ReferenceMapper:
                 if (
                     max(abs(place[k] - first[k]) for k in (0, 1)) <= 1
                     and not self._has_been(place)
-                    and (
-                        self._in_gap((row, column))
-                        or self._observed_from(middle(place)) >= self.config.least_utility
-                    )
+                    and (self._in_gap((row, column)) or self._observed_from(middle(place)) >= self.config.least_utility)
                 ):
                     piece = self.piece_at[place]
                     nearest[piece] = min(nearest.get(piece, (far, place)), (far, place))
@@ -403,7 +398,7 @@ class ReferenceMapper:
             piece.place, piece.lookout = middle(cell), True
 
     def _in_gap(self, cell: Cell) -> bool:
-        """Whether a frontier that the robot fits in has a wall on one side, nothing free on the other, unknown ahead."""
+        """Whether a frontier that the robot fits in has a wall on one side, nothing free on both, unknown ahead."""
         up, down, right, left = (self.cells.get(there) for there in beside(cell))
         return cell in self.passable and any(
             FREE not in sides and OCCUPIED in sides and None in ends
