@@ -44,12 +44,12 @@ def explored(world: GridMap, spacing: float) -> tuple[Mapper, float]:
 
 
 def drive(mapper: Mapper, world: GridMap, steps: int) -> list[float]:
-    """Go from viewpoint to viewpoint towards places all over the building; return the seconds of a core that each step took."""
+    """Go from viewpoint to viewpoint towards places all over the building; return CPU seconds of each step."""
     rng = np.random.default_rng(0)
     angles = ray_angles(0.0, 0.0, 2 * np.pi / BEAMS, BEAMS)
     reach = mapper.belief.sensor_range
     path: list[int] = []
-    times = []
+    times: list[float] = []
     while len(times) < steps:
         if not path:
             path = mapper.path(mapper.robot, int(rng.integers(len(mapper.viewpoints))))[1:]
@@ -73,7 +73,7 @@ def run(plan: Path = PLAN, log: Callable[[str], None] = print) -> dict[str, floa
         return {}
     warm_up()
     world = load_image(plan, RESOLUTION)
-    figures = {}
+    figures: dict[str, float] = {}
     for spacing in SPACINGS:
         mapper, megabytes = explored(world, spacing)
         times = np.array(drive(mapper, world, STEPS)) * 1e3
