@@ -58,12 +58,20 @@ def _find_changes(
     height, width = cells.shape
     lost = (height, -1, width, -1)
     for row in range(row_low, row_high + 1):
+        marked = -1
         for column in range(column_low, column_high + 1):
             if settled[row, column] != cells[row, column]:
                 if settled[row, column] == FREE:
                     lost = (min(lost[0], row), row, min(lost[2], column), max(lost[3], column))
                 settled[row, column] = cells[row, column]
-                mark(layout, row, column, dirty, beside)
+                # The margins of two cells of a run hold those of all between.
+                if marked < 0 or layout.column_of[column] != layout.column_of[marked]:
+                    if marked >= 0:
+                        mark(layout, row, marked, dirty, beside)
+                    mark(layout, row, column, dirty, beside)
+                marked = column
+        if marked >= 0:
+            mark(layout, row, marked, dirty, beside)
     first, last = max(column_low - 1, 1), min(column_high + 1, width - 2)
     new = 0
     gone = 0

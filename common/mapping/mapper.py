@@ -11,14 +11,14 @@ from common.config.schema import MappingConfig
 from common.errors import MappingError
 from common.geometry import Pose, Scan
 from common.mapping.adjacency import Adjacency
-from common.mapping.beacons import find_beacons
 from common.mapping.belief import Belief
 from common.mapping.cell_grid import ClearGrid
 from common.mapping.clearance import CLEAR_CELL, SWEEP_TOLERANCE, TIGHT, sweep
 from common.mapping.distances import shortest_paths
 from common.mapping.frontiers import FrontierChanges, Frontiers
+from common.mapping.lookouts import Remains
 from common.mapping.pieces import cells_of_nodes
-from common.mapping.planning_set import Frame, anything_left, gather, sparse_edges
+from common.mapping.planning_set import Frame, anything_left, plan
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 from common.mapping.sight import CLEAR, NOTHING_LOST, blocker
 from common.mapping.target import Target
@@ -81,6 +81,7 @@ class Mapper:
         self.frontiers_removed = 0
         self._config = config
         self._lattice_origin = lattice_origin
+        self._observable_reach = round(config.observable_range / config.resolution * SUBCELLS)
         self._beacon_reach = round(config.beacon_range / config.resolution * SUBCELLS)
         self.target = target
         self._pose: Pose | None = None
@@ -121,7 +122,8 @@ class Mapper:
         self._order, self._numbers, self._edges = self._graph.reachable()
         if not anything_left(self._order, self._graph.pieces, self._utility.counts, self._config.least_utility):
             cells = np.flatnonzero(self._frontiers.padded_mask).astype(np.int32)
-            self._graph.update(None, NOTHING_LOST, robot, frontiers=cells)
+            remains = Remains(cells, self._observable_reach, self._config.least_utility)
+            self._graph.update(None, NOTHING_LOST, robot, remains=remains)
             self._update_utility(_NO_CHANGES)
             self._order, self._numbers, self._edges = self._graph.reachable()
         self._plan()
@@ -430,29 +432,26 @@ class Mapper:
                 "raise mapping.viewpoint_spacing"
             )
         self._robot = int(self._numbers[graph.robot])
-        x, y, self._positions, offsets, utility, visited = gather(
+        known = plan(
             self._order, graph.pieces, graph.layout, self._utility.counts, config.min_utility, config.least_utility,
-            self._robot, self._frame,
+            self._robot, self._frame, self.belief.padded, self._beacon_reach, self._edges,
         )  # fmt: skip
-        padded = self.belief.padded
-        cells, width = padded.reshape(-1), padded.shape[1]
-        beacon = find_beacons(cells, width, x, y, utility > 0, self._beacon_reach)
-        degree, neighbours, bent, bent_length = sparse_edges(self._edges, config.viewpoint_spacing)
+        self._positions = known.positions
         target = self._target
         if target is not None:
-            target.tie(self.belief, graph, self._numbers, x, y, beacon)
+            target.tie(self.belief, graph, self._numbers, known.x, known.y, known.beacon)
             links, offset = target.links.astype(np.uint16), target.offset(self.position(self._robot))
         else:
             links, offset = np.empty(0, dtype=np.uint16), np.zeros(2, dtype=np.float32)
         self._observation = Observation(
-            offsets=offsets,
-            utility=utility,
-            visited=visited,
-            beacon=beacon,
-            degree=degree,
-            neighbours=neighbours,
-            bent=bent,
-            bent_length=bent_length,
+            offsets=known.offsets,
+            utility=known.utility,
+            visited=known.visited,
+            beacon=known.beacon,
+            degree=known.degree,
+            neighbours=known.neighbours,
+            bent=known.bent,
+            bent_length=known.bent_length,
             robot=self._robot,
             has_target=target is not None,
             target_known=target is not None and target.known,

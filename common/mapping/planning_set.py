@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from common.errors import MappingError
 from common.jit import njit
 from common.mapping.adjacency import Adjacency
+from common.mapping.beacons import find_beacons
 from common.mapping.raycast import SUBCELLS
 from common.mapping.squares import Layout
 from common.observation import MAX_DEGREE, MAX_OFFSET, STEP_UNITS
@@ -53,17 +54,19 @@ def _gather(
     NDArray[np.int64],
     NDArray[np.int64],
     NDArray[np.float64],
-    NDArray[np.int64],
+    NDArray[np.int16],
     NDArray[np.uint16],
     NDArray[np.bool_],
     np.int64,
 ]:
+    """Return x and y, positions, offsets, utilities and visited flags as in `PlanningSet`, and the largest offset."""
     n = len(order)
     columns = len(layout.x)
     x = np.empty(n, dtype=np.int64)
     y = np.empty(n, dtype=np.int64)
     positions = np.empty((n, 2))
-    offsets = np.empty((n, 2), dtype=np.int64)
+    places = np.empty((n, 2), dtype=np.int64)
+    offsets = np.empty((n, 2), dtype=np.int16)
     utility = np.empty(n, dtype=np.uint16)
     visited = np.empty(n, dtype=np.bool_)
     most = 0
@@ -82,65 +85,20 @@ def _gather(
             positions[node, 1] = frame.y + (p.y / SUBCELLS - 1.0) * frame.resolution
         # Rounded on the lattice, so that differences do not depend on where the robot is.
         scale = STEP_UNITS * frame.resolution / (frame.spacing * SUBCELLS)
-        offsets[node, 0] = np.rint((p.x - layout.x[0]) * scale)
-        offsets[node, 1] = np.rint((p.y - layout.y[0]) * scale)
+        places[node, 0] = np.rint((p.x - layout.x[0]) * scale)
+        places[node, 1] = np.rint((p.y - layout.y[0]) * scale)
         count = counts[order[node]]
-        utility[node] = min(count, 65535) if count >= threshold else 0
+        # A lookout is one because it is worth a look.
+        useful = count >= threshold or (p.lookout and count > 0)
+        utility[node] = min(count, 65535) if useful else 0
         visited[node] = p.visited and not p.lookout
-    at_x, at_y = offsets[robot, 0], offsets[robot, 1]
     farthest = np.int64(0)
     for node in range(n):
-        offsets[node, 0] -= at_x
-        offsets[node, 1] -= at_y
-        farthest = max(farthest, abs(offsets[node, 0]), abs(offsets[node, 1]))
+        for axis in range(2):
+            away = places[node, axis] - places[robot, axis]
+            farthest = max(farthest, abs(away))
+            offsets[node, axis] = away
     return x, y, positions, offsets, utility, visited, farthest
-
-
-def gather(
-    order: NDArray[np.int32],
-    pieces: NDArray[Any],
-    layout: Layout,
-    counts: NDArray[np.int32],
-    min_utility: int,
-    least_utility: int,
-    robot: int,
-    frame: Frame,
-) -> tuple[
-    NDArray[np.int64],
-    NDArray[np.int64],
-    NDArray[np.float64],
-    NDArray[np.int16],
-    NDArray[np.uint16],
-    NDArray[np.bool_],
-]:
-    """Collect positions and planning set of the viewpoints in node order.
-
-    Args:
-        order: piece of each node, int32, shape (n,).
-        pieces: all pieces.
-        layout: of the squares.
-        counts: observable frontiers of each piece's viewpoint.
-        min_utility: a viewpoint that observes fewer counts as useless, as long as another observes so many.
-        least_utility: likewise when none does.
-        robot: node number of the robot's viewpoint.
-        frame: where squares and cells lie.
-
-    Returns:
-        x and y, subcells; positions, metres, shape (n, 2); offsets from the robot's viewpoint in 1/64 lattice steps;
-        utility; visited flags.
-
-    Raises:
-        MappingError: a viewpoint is too far away for an observation.
-    """
-    x, y, positions, offsets, utility, visited, farthest = _gather(
-        order, pieces, layout, counts, min_utility, least_utility, robot, frame
-    )
-    if farthest > MAX_OFFSET * STEP_UNITS:
-        raise MappingError(
-            f"a viewpoint lies more than {MAX_OFFSET} lattice steps from the robot, which is as far as an observation "
-            "reaches: raise mapping.viewpoint_spacing"
-        )
-    return x, y, positions, offsets.astype(np.int16), utility, visited
 
 
 @njit(cache=True, nogil=True)
@@ -160,6 +118,7 @@ def _sparse_edges(
     bent: NDArray[np.bool_],
     spacing: float,
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint16], NDArray[np.uint32], NDArray[np.float32], np.int64]:
+    """Return the edges as an observation lists them, and the largest number of neighbours."""
     n = len(pointer) - 1
     degree = np.zeros(n, dtype=np.uint8)
     half = len(neighbours) // 2
@@ -186,22 +145,108 @@ def _sparse_edges(
     return degree, higher, bent_edges, bent_lengths, most
 
 
-def sparse_edges(
-    edges: Adjacency, spacing: float
-) -> tuple[NDArray[np.uint8], NDArray[np.uint16], NDArray[np.uint32], NDArray[np.float32]]:
-    """Return the edges as an observation lists them: degree, neighbours, bent and bent_length.
+@njit(cache=True, nogil=True)
+def _plan(
+    order: NDArray[np.int32],
+    pieces: Any,
+    layout: Layout,
+    counts: NDArray[np.int32],
+    min_utility: int,
+    least_utility: int,
+    robot: int,
+    frame: Frame,
+    cells: NDArray[np.int8],
+    beacon_reach: int,
+    pointer: NDArray[np.int64],
+    neighbours: NDArray[np.int32],
+    lengths: NDArray[np.float64],
+    bent: NDArray[np.bool_],
+) -> Any:
+    """Do all of `plan` in one call: handing arrays over takes as long as the work on them."""
+    x, y, positions, offsets, utility, visited, farthest = _gather(
+        order, pieces, layout, counts, min_utility, least_utility, robot, frame
+    )
+    beacon = find_beacons(cells.reshape(-1), cells.shape[1], x, y, utility > 0, beacon_reach)
+    degree, higher, bent_edges, bent_lengths, most = _sparse_edges(pointer, neighbours, lengths, bent, frame.spacing)
+    return (
+        (x, y, positions, offsets, utility, visited, beacon, degree, higher, bent_edges, bent_lengths), farthest, most,
+    )  # fmt: skip
+
+
+class PlanningSet(NamedTuple):
+    """What is known of the viewpoints in node order; arrays as `Observation` describes them where it has them.
+
+    Attributes:
+        x: subcells of the padded grid, int64, shape (n,).
+        y: likewise.
+        positions: metres, shape (n, 2).
+        offsets: from the robot's viewpoint, 1/64 lattice steps.
+        utility: observable frontiers.
+        visited: the robot has been there.
+        beacon: see `find_beacons`.
+        degree: higher neighbours of each node.
+        neighbours: those.
+        bent: which of the edges are not straight.
+        bent_length: of these, lattice steps.
+    """
+
+    x: NDArray[np.int64]
+    y: NDArray[np.int64]
+    positions: NDArray[np.float64]
+    offsets: NDArray[np.int16]
+    utility: NDArray[np.uint16]
+    visited: NDArray[np.bool_]
+    beacon: NDArray[np.bool_]
+    degree: NDArray[np.uint8]
+    neighbours: NDArray[np.uint16]
+    bent: NDArray[np.uint32]
+    bent_length: NDArray[np.float32]
+
+
+def plan(
+    order: NDArray[np.int32],
+    pieces: NDArray[Any],
+    layout: Layout,
+    counts: NDArray[np.int32],
+    min_utility: int,
+    least_utility: int,
+    robot: int,
+    frame: Frame,
+    cells: NDArray[np.int8],
+    beacon_reach: int,
+    edges: Adjacency,
+) -> PlanningSet:
+    """Collect the planning set of the viewpoints in node order, choose the beacons, and list the edges.
 
     Args:
+        order: piece of each node, int32, shape (n,).
+        pieces: all pieces.
+        layout: of the squares.
+        counts: observable frontiers of each piece's viewpoint.
+        min_utility: a viewpoint that observes fewer counts as useless, as long as another observes so many; lookouts
+            are always useful.
+        least_utility: likewise when none does.
+        robot: node number of the robot's viewpoint.
+        frame: where squares and cells lie.
+        cells: padded grid of the belief, int8, shape (height, width).
+        beacon_reach: d_th, subcells.
         edges: of the numbered viewpoints.
-        spacing: of the lattice, metres.
 
     Raises:
-        MappingError: a viewpoint has more neighbours than an observation can list.
+        MappingError: a viewpoint is too far away for an observation, or has more neighbours than it can list.
     """
-    *columns, most = _sparse_edges(edges.pointer, edges.neighbours, edges.lengths, edges.bent, spacing)
+    columns, farthest, most = _plan(
+        order, pieces, layout, counts, min_utility, least_utility, robot, frame, cells, beacon_reach,
+        edges.pointer, edges.neighbours, edges.lengths, edges.bent,
+    )  # fmt: skip
+    if farthest > MAX_OFFSET * STEP_UNITS:
+        raise MappingError(
+            f"a viewpoint lies more than {MAX_OFFSET} lattice steps from the robot, which is as far as an observation "
+            "reaches: raise mapping.viewpoint_spacing"
+        )
     if most > MAX_DEGREE:
         raise MappingError(
             f"a viewpoint has {most} neighbours, an observation lists {MAX_DEGREE}: use a smaller "
             "mapping.viewpoint_spacing, or coarser cells"
         )
-    return columns[0], columns[1], columns[2], columns[3]
+    return PlanningSet(*columns)

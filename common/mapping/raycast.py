@@ -34,6 +34,12 @@ def to_subcells(value: float, origin: float, resolution: float) -> int:
 
 
 @njit(cache=True, nogil=True, inline="always")
+def cell_middle(cell: int, width: int) -> tuple[int, int]:
+    """Return x and y of the middle of a cell, given by its flat number in a grid of so many cells per row, subcells."""
+    return ((cell % width) << SUBCELL_BITS) + SUBCELLS // 2, ((cell // width) << SUBCELL_BITS) + SUBCELLS // 2
+
+
+@njit(cache=True, nogil=True, inline="always")
 def ray_units(cells: float) -> int:
     """Convert a distance along a ray from cells into `RAY_UNITS`, at most `FARTHEST`."""
     return int(min(cells, FARTHEST) * RAY_UNITS)

@@ -13,32 +13,34 @@ from common.mapping.squares import Layout
 
 
 @njit(cache=True, nogil=True)
-def label_dirty(cells: Cells, layout: Layout, dirty: NDArray[np.bool_], counts: NDArray[np.int32]) -> int:
-    """Number the pieces of all dirty squares; write how many each has; return how many they have together."""
+def label_dirty(
+    cells: Cells,
+    layout: Layout,
+    pieces: Any,
+    first_of: NDArray[np.int32],
+    dirty: NDArray[np.bool_],
+    beside: NDArray[np.bool_],
+    counts: NDArray[np.int32],
+) -> int:
+    """Number the pieces of all dirty squares; write how many each has; return how many they have together.
+
+    Those squares become dirty as well whose viewpoints may have to move for what changed beside them.
+    """
     rows, columns = dirty.shape
     stack = np.empty(_largest(layout.row_begin) * _largest(layout.column_begin), dtype=np.int32)
     total = 0
     for j in range(rows):
         for i in range(columns):
+            if beside[j, i]:
+                beside[j, i] = False
+                piece = first_of[j * columns + i]
+                while piece >= 0:
+                    dirty[j, i] |= pieces[piece].x >= 0 and not pieces[piece].centred
+                    piece = pieces[piece].next
             if dirty[j, i]:
                 counts[j, i] = label_square(cells, layout, j, i, stack)
                 total += counts[j, i]
     return total
-
-
-@njit(cache=True, nogil=True)
-def mark_beside(pieces: Any, first_of: NDArray[np.int32], dirty: NDArray[np.bool_], beside: NDArray[np.bool_]) -> None:
-    """Make those squares dirty as well whose viewpoints may have to move for what changed beside the square."""
-    rows, columns = dirty.shape
-    for j in range(rows):
-        for i in range(columns):
-            if not beside[j, i]:
-                continue
-            beside[j, i] = False
-            piece = first_of[j * columns + i]
-            while piece >= 0:
-                dirty[j, i] |= pieces[piece].x >= 0 and not pieces[piece].centred
-                piece = pieces[piece].next
 
 
 @njit(cache=True, nogil=True)

@@ -15,17 +15,12 @@ from numpy.typing import NDArray
 from common.jit import njit
 from common.mapping.belief import Belief
 from common.mapping.frontiers import FrontierChanges
-from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
+from common.mapping.raycast import SUBCELL_BITS, SUBCELLS, cell_middle
 from common.mapping.sight import CLEAR, FREE, Box, blocker, may_touch
 from common.mapping.squares import Layout
 from common.mapping.viewpoints import ViewpointGraph
 
 IN_SIGHT: Final = CLEAR
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _point(cell: int, width: int) -> tuple[int, int]:
-    return (cell % width) * SUBCELLS + SUBCELLS // 2, (cell // width) * SUBCELLS + SUBCELLS // 2
 
 
 @njit(cache=True, nogil=True)
@@ -107,7 +102,7 @@ def _update_pairs(
             or column > changed[3] + reach_cells
         ):
             continue
-        x, y = _point(slot_cell[slot], width)
+        x, y = cell_middle(slot_cell[slot], width)
         count = pair_count[slot]
         k = 0
         while k < count:
@@ -141,7 +136,7 @@ def _update_pairs(
         used += 1
         slots[added[n]] = slot
         slot_cell[slot] = added[n]
-        x, y = _point(added[n], width)
+        x, y = cell_middle(added[n], width)
         count = 0
         cell_low, cell_high = (
             max((y - reach) >> SUBCELL_BITS, 0),

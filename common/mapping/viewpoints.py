@@ -17,13 +17,13 @@ from common.mapping.adjacency import Adjacency, reach
 from common.mapping.candidates import forget_pairs, list_pairs, most_pairs, update_pairs
 from common.mapping.cell_grid import AnchoredGrid
 from common.mapping.clearance import Clearance
-from common.mapping.lookouts import find_lookouts
+from common.mapping.lookouts import Remains, find_lookouts
 from common.mapping.pieces import NOWHERE, PIECE, Cells
-from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
-from common.mapping.settling import choose, label_dirty, mark_beside, settle
+from common.mapping.raycast import SUBCELL_BITS, SUBCELLS, cell_middle
+from common.mapping.settling import choose, label_dirty, settle
 from common.mapping.sight import NOTHING_LOST, Box
 from common.mapping.squares import Layout, lay_out
-from common.mapping.standing import MARGIN_REACH, cell_for, locate, nearest_clear, piece_of, pieces_at
+from common.mapping.standing import MARGIN_REACH, cell_for, locate, piece_of, pieces_at, way_out
 from common.mapping.touches import find_touches, forget_ways, measure_ways
 from common.mapping.ways import way_between, way_inside
 
@@ -36,6 +36,7 @@ BEEN_REACH: Final = 0.3
 Pairs = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
 Touches = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]
 _NO_PIECES: Final = np.zeros(0, dtype=np.int32)
+_NOTHING_REMAINS: Final = Remains(_NO_PIECES, 0, 1)
 
 
 @njit(cache=True, nogil=True)
@@ -54,7 +55,7 @@ def _renew_viewpoints(
     clear_reach: int,
     visit_reach: int,
     everywhere: bool,
-    frontiers: NDArray[np.int32],
+    remains: Remains,
     been_reach: int,
     pairs: Pairs,
     touches: Touches,
@@ -80,7 +81,7 @@ def _renew_viewpoints(
     if everywhere and here >= 0:
         cells.been[cell_for(cells, robot[0], robot[1], clear_reach)] = True
         pieces[here].visited = True
-        find_lookouts(cells, layout, pieces, first_of, frontiers, clear_reach, been_reach, lookouts)
+        find_lookouts(cells, layout, pieces, first_of, remains, clear_reach, been_reach, lookouts)
     fresh_count, ended_count = choose(
         cells, layout, pieces, used, touch_count, touched, here, everywhere, lookouts, margin, fresh, ended
     )
@@ -238,17 +239,15 @@ class ViewpointGraph:
         """All possible edges, connected with the robot or not, as `candidates` and `touches` keep them."""
         return self._pairs, self._touches
 
-    def update(
-        self, changed: Box | None, lost: Box, robot: tuple[int, int], *, frontiers: NDArray[np.int32] | None = None
-    ) -> None:
+    def update(self, changed: Box | None, lost: Box, robot: tuple[int, int], *, remains: Remains | None = None) -> None:
         """Bring clear space, pieces, viewpoints and edges up to date.
 
         Args:
             changed: box of all cells of the belief that changed, whose squares `dirty` names; None for none.
             lost: box of those that are free no more; its second number is -1 when there are none.
             robot: where the robot stands, subcells.
-            frontiers: all frontier cells, flat, int32, when nothing else is left to look at: then no piece waits for
-                its lattice point, and viewpoints move to lookouts. None otherwise.
+            remains: what frontiers there are, when nothing else is left to look at: then no piece waits for its lattice
+                point, and viewpoints move to lookouts. None otherwise.
         """
         cells, layout = self.cells, self.layout
         self._release()
@@ -257,14 +256,13 @@ class ViewpointGraph:
             box, lost = self._clearance.update(
                 cells.belief.reshape(-1, cells.width), changed, lost, layout, self.dirty, self.beside
             )
-            mark_beside(self.pieces, self.first_of, self.dirty, self.beside)
-            total = int(label_dirty(cells, layout, self.dirty, self._counts))
+            total = int(label_dirty(cells, layout, self.pieces, self.first_of, self.dirty, self.beside, self._counts))
             if total > self._free_count:
                 self._reserve(self.used + max(self.used, total))
         self._free_count, self._gone, self.robot, self.fresh, self.ended, most = _renew_viewpoints(
             cells, layout, self.pieces, self.first_of, changed is not None, self.dirty, self._counts, self._free,
-            self._free_count, self._margin, robot, self._clear_reach, self._visit_reach, frontiers is not None,
-            _NO_PIECES if frontiers is None else frontiers, self._been_reach, self._pairs, self._touches,
+            self._free_count, self._margin, robot, self._clear_reach, self._visit_reach, remains is not None,
+            remains or _NOTHING_REMAINS, self._been_reach, self._pairs, self._touches,
         )  # fmt: skip
         self._reserve_pairs(most)
         self.changed = _renew_edges(
@@ -306,27 +304,29 @@ class ViewpointGraph:
     def way_within(self, piece: int, start: tuple[int, int], goal: tuple[int, int]) -> NDArray[np.int64]:
         """Return the corners of a way through one piece from one point to another, subcells, both included.
 
-        A point beside clear space is joined straight to the nearest clear cell.
+        A point beside clear space is joined to a clear cell nearby.
         """
         p = self.pieces[piece]
         square, label = int(p["square"]), int(p["label"])
-        enter, leave = self._entry(start), self._entry(goal)
-        corners = way_inside(self.cells, self.layout, square, label, square, label, enter, leave)
-        before = [start] if enter != start else []
-        after = [goal] if leave != goal else []
-        return np.array([*before, *corners.tolist(), *after], dtype=np.int64)
+        before, after = self._way_in(start), self._way_in(goal)
+        corners = way_inside(self.cells, self.layout, square, label, square, label, before[-1], after[-1])
+        return np.array([*before[:-1], *corners.tolist(), *after[-2::-1]], dtype=np.int64)
 
-    def _entry(self, point: tuple[int, int]) -> tuple[int, int]:
-        """Return a point itself when it lies in clear space, else the middle of the nearest clear cell that it sees."""
+    def _way_in(self, point: tuple[int, int]) -> list[tuple[int, int]]:
+        """Return the corners of the way from a point into clear space, both included: the point alone if it lies there.
+
+        It comes no nearer to obstacles than the point is, if there is such a way.
+        """
         cells = self.cells
         if cells.labels[(point[1] >> SUBCELL_BITS) * cells.width + (point[0] >> SUBCELL_BITS)]:
-            return point
-        cell = int(nearest_clear(cells, *point, self._clear_reach))
-        return (cell % cells.width) * SUBCELLS + SUBCELLS // 2, (cell // cells.width) * SUBCELLS + SUBCELLS // 2
+            return [point]
+        return [point, *(cell_middle(cell, cells.width) for cell in way_out(cells, *point, self._clear_reach).tolist())]
 
     def _release(self) -> None:
         """Give the numbers of pieces that ended with the update before to new ones: until now they told what ended."""
         gone, self._gone = self._gone, _NO_PIECES
+        if not len(gone):
+            return
         self._free[self._free_count : self._free_count + len(gone)] = gone
         self._free_count += len(gone)
 

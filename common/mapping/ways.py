@@ -10,19 +10,11 @@ from numpy.typing import NDArray
 from common.heap import pop, push
 from common.jit import njit
 from common.mapping.pieces import Cells
-from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
+from common.mapping.raycast import SUBCELL_BITS, cell_middle
 from common.mapping.sight import CLEAR, blocker
 from common.mapping.squares import Layout
 
 _DIAGONAL: Final = 2.0**0.5
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _middle(cell: int, width: int) -> tuple[int, int]:
-    return (
-        ((cell % width) << SUBCELL_BITS) + SUBCELLS // 2,
-        ((cell // width) << SUBCELL_BITS) + SUBCELLS // 2,
-    )
 
 
 @njit(cache=True, nogil=True)
@@ -134,7 +126,7 @@ def way_inside(
     points[0, 0], points[0, 1] = start
     points[count - 1, 0], points[count - 1, 1] = goal
     for k in range(len(way)):
-        points[k + 1, 0], points[k + 1, 1] = _middle(way[k], width)
+        points[k + 1, 0], points[k + 1, 1] = cell_middle(way[k], width)
     corners = np.empty((count, 2), dtype=np.int64)
     corners[0] = points[0]
     size = 1

@@ -296,7 +296,8 @@ class ReferenceMapper:
         """The clear cell that stands for a point: the one that holds it, else the nearest that it can be driven to.
 
         A point on a border belongs to the lower cell. The straight line to the nearest cell is free; those are
-        preferred to which it comes no nearer to anything that is not free than the point is.
+        preferred to which it comes no nearer to anything that is not free than the point is, and where there is none of
+        them, one that is reached over other cells, as near to anything as the point at most.
         """
         cell = cell_of((point[0] - 1, point[1] - 1))
         if cell in self.piece_at:
@@ -309,16 +310,30 @@ class ReferenceMapper:
             for there_column in range(column - reach, column + reach + 1)
         ]
         seen = [cell for cell in around if cell in self.passable and self.sees(point, middle(cell))]
-        if not seen:
-            return None
         before = self.space_around(point, point, reach)
 
-        def rank(cell: Cell) -> tuple[bool, int, Cell]:
-            x, y = middle(cell)
-            nearer = self.space_around(point, (x, y), reach) < before - 1e-4
-            return nearer, (x - point[0]) ** 2 + (y - point[1]) ** 2, cell
+        def keeps(a: Point, b: Point) -> bool:
+            return self.space_around(a, b, reach) >= before - 1e-4
 
-        return min(seen, key=rank)
+        def far(cell: Cell) -> tuple[int, Cell]:
+            x, y = middle(cell)
+            return (x - point[0]) ** 2 + (y - point[1]) ** 2, cell
+
+        kept = [cell for cell in seen if keeps(point, middle(cell))]
+        if kept:
+            return min(kept, key=far)
+        beginning = [cell for cell in around if max(abs(cell[0] - row), abs(cell[1] - column)) <= 2]
+        reached = [cell for cell in beginning if self.sees(point, middle(cell)) and keeps(point, middle(cell))]
+        for cell in reached:
+            if cell in self.passable:
+                return cell
+            up, down, right, left = beside(cell)
+            reached += [
+                there
+                for there in (down, left, right, up)
+                if there in around and there not in reached and self.free(there) and keeps(middle(there), middle(there))
+            ]
+        return min(seen, key=far) if seen else None
 
     def space_around(self, a: Point, b: Point, most: float) -> float:
         """Distance of a segment from the nearest cell that is not free, cells, at most ``most``."""
@@ -354,28 +369,49 @@ class ReferenceMapper:
     def _move_to_lookouts(self) -> None:
         """Let the viewpoint of each piece stand at the clear cell that is nearest to a frontier, unless that is known.
 
-        A frontier belongs to the nearest clear cell that sees it.
+        A frontier belongs to the nearest clear cell that sees it, and to those of the cells around it that see it, too.
+        A cell that observes too few frontiers to be useful is passed over, unless they are all that a gap shows.
         """
-        reach, known = self.clear_reach, max(round(0.3 / self.config.resolution), 1)
+        reach = self.clear_reach
         nearest: dict[Piece, tuple[int, Cell]] = {}
-        for frontier in self.all_frontiers:
-            row, column = frontier
+        for row, column in self.all_frontiers:
             near = [
                 (up**2 + right**2, (row + up, column + right))
-                for up in range(-reach, reach + 1)
-                for right in range(-reach, reach + 1)
+                for up in range(-reach - 1, reach + 2)
+                for right in range(-reach - 1, reach + 2)
                 if (row + up, column + right) in self.passable
-                and self.sees(middle(frontier), middle((row + up, column + right)))
+                and self.sees(middle((row, column)), middle((row + up, column + right)))
             ]
-            if not near:
+            inside = [(far, place) for far, place in near if max(abs(place[0] - row), abs(place[1] - column)) <= reach]
+            if not inside or self._has_been(min(inside)[1]):
                 continue
-            best = min(near)
-            if any(max(abs(best[1][k] - cell[k]) for k in (0, 1)) <= known for cell in self.been):
-                continue
-            piece = self.piece_at[best[1]]
-            nearest[piece] = min(nearest.get(piece, best), best)
+            first = min(inside)[1]
+            for far, place in near:
+                if (
+                    max(abs(place[k] - first[k]) for k in (0, 1)) <= 1
+                    and not self._has_been(place)
+                    and (self._in_gap((row, column)) or self._observed_from(middle(place)) >= self.config.least_utility)
+                ):
+                    piece = self.piece_at[place]
+                    nearest[piece] = min(nearest.get(piece, (far, place)), (far, place))
         for piece, (_, cell) in nearest.items():
             piece.place, piece.lookout = middle(cell), True
+
+    def _in_gap(self, cell: Cell) -> bool:
+        """Whether a frontier that the robot fits in has a wall on one side, nothing free on both, unknown ahead."""
+        up, down, right, left = (self.cells.get(there) for there in beside(cell))
+        return cell in self.passable and any(
+            FREE not in sides and OCCUPIED in sides and None in ends
+            for sides, ends in (((up, down), (left, right)), ((left, right), (up, down)))
+        )
+
+    def _has_been(self, place: Cell) -> bool:
+        """Whether the robot has been near a place, in sight of it."""
+        known = max(round(0.3 / self.config.resolution), 1)
+        return any(
+            max(abs(place[k] - cell[k]) for k in (0, 1)) <= known and self.sees(middle(cell), middle(place))
+            for cell in self.been
+        )
 
     # -------------------------------------------------------------------------------------------------- observation
 
@@ -415,12 +451,12 @@ class ReferenceMapper:
 
     def _count(self) -> None:
         """The frontiers that viewpoints observe."""
+        self.counts = {piece: self._observed_from(piece.place) for piece in self.viewpoints}
+
+    def _observed_from(self, place: Point) -> int:
         centres = [middle(cell) for cell in self.all_frontiers]
         reach = self.config.observable_range
-        self.counts = {
-            piece: sum(self.within(piece.place, f, reach) and self.sees(piece.place, f) for f in centres)
-            for piece in self.viewpoints
-        }
+        return sum(self.within(place, f, reach) and self.sees(place, f) for f in centres)
 
     def _connect(self) -> None:
         """Straight edges and bent ones, and the viewpoints that they connect with the robot's."""
@@ -452,7 +488,10 @@ class ReferenceMapper:
         config, nodes = self.config, self.nodes
         counts = [self.counts[piece] for piece in nodes]
         threshold = config.min_utility if max(counts) >= config.min_utility else config.least_utility
-        self.utility = [count if count >= min(threshold, config.min_utility) else 0 for count in counts]
+        self.utility = [
+            count if count >= min(threshold, config.min_utility) or piece.lookout else 0
+            for count, piece in zip(counts, nodes, strict=True)
+        ]
         self.beacon = self._beacons()
         self.links: list[int] = []
         self.target_known = False

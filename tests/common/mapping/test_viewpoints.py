@@ -51,3 +51,48 @@ def test_a_robot_between_equally_near_viewpoints_counts_as_at_the_first_of_them(
     for pose, viewpoint in (((2.0, 2.0), (1.0, 1.0)), ((4.0, 3.0), (3.0, 3.0)), ((4.1, 2.0), (5.0, 1.0))):
         mapper.update(Pose(*pose))
         assert mapper.position(mapper.robot) == viewpoint
+
+
+def test_a_gap_beside_the_robot_is_looked_into_although_the_robot_is_near():
+    # A corridor with a gap of one cell in its wall; the robot stands near the gap and does not see into it.
+    cells = np.full((12, 20), 100, dtype=np.int8)
+    cells[2:5, 1:19] = 0
+    cells[5:7, 10] = 0
+    cells[6, [9, 11]] = cells[7, 9:12] = -1
+    mapper = Mapper(small_config(viewpoint_spacing=1.0, resolution=0.1), lattice_origin=(0.5, 0.3))
+    mapper.belief.assign(cells, (0.0, 0.0))
+    mapper.update(Pose(0.85, 0.45))
+    observation = mapper.observe()
+    assert mapper.viewpoints[observation.utility > 0].round(9).tolist() == [[1.05, 0.55]]
+    assert not observation.visited[observation.utility > 0].any()
+    mapper.update(Pose(1.05, 0.55))  # a look from there that shows nothing is enough
+    assert not mapper.observe().utility.any() or mapper.observe().visited[mapper.observe().utility > 0].all()
+
+
+def test_a_single_frontier_keeps_no_other_of_its_piece_from_a_look():
+    # Two gaps in a wall, each beside the robot's piece; one shows a single frontier and leads nowhere.
+    cells = np.full((14, 24), 100, dtype=np.int8)
+    cells[2:5, 1:23] = 0
+    cells[5, 4] = 0  # a niche whose corners are unknown: one frontier
+    cells[6, 3] = cells[6, 5] = -1
+    cells[5:7, 18:20] = 0
+    cells[6, [17, 20]] = cells[7, 17:21] = -1
+    mapper = Mapper(small_config(viewpoint_spacing=3.0, resolution=0.1), lattice_origin=(1.2, 0.3))
+    mapper.belief.assign(cells, (0.0, 0.0))
+    mapper.update(Pose(1.25, 0.35))
+    observation = mapper.observe()
+    places = mapper.viewpoints[(observation.utility > 0) & ~observation.visited]
+    assert (places[:, 0] > 1.5).all() and len(places) == 1
+
+
+def test_a_gap_one_cell_wide_is_looked_into_by_a_robot_without_size():
+    cells = np.full((12, 20), 100, dtype=np.int8)
+    cells[2:5, 1:19] = 0
+    cells[5, 10] = 0
+    cells[6, 9:11] = -1
+    mapper = Mapper(small_config(viewpoint_spacing=1.0, resolution=0.1), lattice_origin=(0.5, 0.3))
+    mapper.belief.assign(cells, (0.0, 0.0))
+    mapper.update(Pose(0.55, 0.35))
+    assert len(mapper.frontiers) == 1
+    observation = mapper.observe()
+    assert mapper.viewpoints[observation.utility > 0].round(9).tolist() == [[1.05, 0.55]]

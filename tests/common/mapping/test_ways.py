@@ -98,6 +98,16 @@ def test_every_edge_can_be_driven_both_ways(seed, resolution, spacing, radius):
                     assert space_along(free, resolution, p, q, radius + resolution) >= radius - 1e-3 * resolution
 
 
+def space_at_middles(free: np.ndarray) -> np.ndarray:
+    """Distance of the middle of each cell from what is not free, cells; 0 where that is the cell itself."""
+    blocked = np.argwhere(~np.pad(free, 1)) - 1
+    space = np.zeros(free.shape)
+    for row, column in np.argwhere(free):
+        gaps = np.maximum(np.abs(blocked - (row, column)) - 0.5, 0.0)
+        space[row, column] = np.hypot(*gaps.T).min()
+    return space
+
+
 @SETTINGS
 @given(
     seed=st.integers(0, 2**32 - 1),
@@ -105,28 +115,33 @@ def test_every_edge_can_be_driven_both_ways(seed, resolution, spacing, radius):
     spacing=st.sampled_from([1.0, 1.7, 3.0]),
     radius=st.sampled_from([0.0, 0.1, 0.25, 0.5]),
 )
-def test_the_way_home_can_be_driven_from_wherever_the_robot_is(seed, resolution, spacing, radius):
-    """Also from beside clear space, where the robot is nearer to a wall than it should be, if there is such a way."""
+def test_the_way_home_comes_no_nearer_to_anything_than_the_robot_is(seed, resolution, spacing, radius):
+    """From beside clear space, too, where the robot is nearer to a wall than it should be, if there is such a way."""
     rng = np.random.default_rng(seed)
     free = random_world(rng, 40, 50)
     config = MappingConfig(resolution=resolution, sensor_range=5.0, viewpoint_spacing=spacing, robot_radius=radius)
     mapper = mapper_on(free, config, rng)
     see_all(mapper, free, Pose(1.0, 1.0))
-    clear = clear_cells(free, radius, resolution)
-    middles = (np.argwhere(clear)[:, ::-1] + 0.5) * resolution
+    clear, space = clear_cells(free, radius, resolution), space_at_middles(free) * resolution
     for row, column in rng.permutation(np.argwhere(free))[:60]:
         x, y = (float(number + part) * resolution for number, part in zip((column, row), rng.random(2), strict=True))
         mapper.update(Pose(x, y))
+        gap = space_along(free, resolution, (x, y), (x, y), radius)
+        keep = gap - 1e-3 * resolution
+        # Cells around where the robot may be without coming nearer, connected with its own.
+        rows, columns = np.indices(free.shape)
+        around = np.maximum(np.abs(rows - row), np.abs(columns - column)) <= (radius + 0.5) / resolution
+        open_cells = around & free & (space >= gap)
+        middle = ((column + 0.5) * resolution, (row + 0.5) * resolution)
+        own = bool(open_cells[row, column]) and space_along(free, resolution, (x, y), middle, radius) >= gap
+        must_keep = bool(clear[row, column]) or (own and bool((reachable(open_cells, (row, column)) & clear).any()))
         if mapper.stuck:
+            assert not must_keep
             continue
         way = mapper.way_home()
         assert way[-1] == mapper.position(mapper.robot)
-        first, *others = legs_of((x, y), way)
-        assert all(mapper.segment_free(*leg) for leg in others)
-        if not mapper.segment_free(*first):
-            near = middles[np.abs(middles - (x, y)).max(axis=1) <= radius + 0.5]
-            assert not clear[row, column]
-            assert not any(mapper.segment_free((x, y), tuple(middle)) for middle in near)
+        if must_keep:
+            assert all(space_along(free, resolution, *leg, radius) >= keep for leg in legs_of((x, y), way))
 
 
 @SETTINGS
