@@ -6,9 +6,11 @@ They stand in for the public floor plans, which are no part of the repository.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from actors.maps.grid_map import GridMap
 
@@ -102,6 +104,27 @@ def office_floor() -> Plan:
     )
 
 
+def two_rooms() -> Plan:
+    """Two rooms of a flat, joined by a door of 0.9 m, with a closet behind a gap of 0.4 m.
+
+    9.4 m x 5.4 m. A partition hides the alcove of the second room from the first.
+    """
+    drawing = _Drawing(9.4, 5.4)
+    drawing.carve(0.2, 0.2, 4.2, 3.6)  # first room
+    drawing.carve(4.4, 0.2, 9.2, 5.2)  # second room
+    drawing.carve(4.2, 0.8, 4.4, 1.7)  # door 0.9 m
+    drawing.fill(6.8, 0.2, 7.0, 4.0)  # partition
+    drawing.carve(0.2, 3.8, 4.2, 5.2)  # closet, gap 0.4 m
+    drawing.carve(2.0, 3.6, 2.4, 3.8)
+    rooms = {"first": (1.0, 2.8), "second": (5.5, 1.5), "alcove": (8.2, 1.0), "closet": (1.0, 4.5)}
+    return Plan(
+        drawing.world("two rooms", rooms["first"], rooms["alcove"], (0.8, 0.8)),
+        rooms,
+        frozenset(rooms) - {"closet"},
+        frozenset(rooms),
+    )
+
+
 def diagonal_corridor() -> Plan:
     """Two rooms joined by a corridor 2.5 m wide at 45 degrees that lies between the lattice's points.
 
@@ -159,7 +182,14 @@ def furnished_hall() -> Plan:
 
 def all_plans() -> list[Plan]:
     """Return one of each."""
-    return [office_floor(), diagonal_corridor(), furnished_hall()]
+    return [office_floor(), two_rooms(), diagonal_corridor(), furnished_hall()]
+
+
+def write_image(plan: Plan, path: Path) -> str:
+    """Write a plan as a gray image with its free cells white, and return the map source of it."""
+    Image.fromarray(np.where(plan.world.free[::-1], np.uint8(254), np.uint8(0))).save(path)
+    x, y = plan.world.start
+    return f"floorplans:{path}?start={x},{y}"
 
 
 def clear_cells(free: NDArray[np.bool_], radius: float, resolution: float = RESOLUTION) -> NDArray[np.bool_]:

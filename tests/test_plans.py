@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from actors.maps.connectivity import reachable
-from tests.plans import RADIUS, SPACING, all_plans, clear_cells, diagonal_corridor, office_floor
+from common.mapping.raycast import cast_rays
+from tests.plans import RADIUS, SPACING, all_plans, clear_cells, diagonal_corridor, office_floor, two_rooms
 
 PLANS = all_plans()
 
@@ -34,3 +35,11 @@ def test_the_diagonal_corridor_holds_no_point_of_the_lattice():
     lattice = np.array([(i, j) for i in range(9) for j in range(9)]) * SPACING + world.lattice_origin
     inside = [point for point in lattice if world.is_free(tuple(point))]
     assert inside and all(max(point) < 8.5 or min(point) > 27.5 for point in inside)
+
+
+def test_the_alcove_of_the_two_rooms_is_seen_from_beyond_the_door_alone():
+    plan = two_rooms()
+    world, (x, y) = plan.world, plan.rooms["alcove"]
+    angles = np.linspace(-np.pi, np.pi, 3600)
+    ranges = cast_rays(world.free, world.resolution, *world.origin, x, y, angles, 20.0)
+    assert (x + ranges * np.cos(angles) > 4.4).all()

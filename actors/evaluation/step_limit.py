@@ -54,6 +54,16 @@ def looks(world: GridMap, sensor_range: float) -> float:
     return len(cells) * world.resolution**2 * float(np.mean(shares))
 
 
+def ample_way(world: GridMap, sensor_range: float) -> float:
+    """Return metres that suffice to explore a world, whoever decides.
+
+    Args:
+        world: the true map.
+        sensor_range: metres.
+    """
+    return looks(world, sensor_range) * AMPLE_WAY
+
+
 def needed_steps(world: GridMap, mapping: MappingConfig) -> int:
     """Return with how many decisions good planners are likely to explore a world."""
     return math.ceil(looks(world, mapping.sensor_range) * NEEDED_WAY / mapping.viewpoint_spacing)
@@ -61,8 +71,8 @@ def needed_steps(world: GridMap, mapping: MappingConfig) -> int:
 
 def step_limit(worlds: Iterable[GridMap], mapping: MappingConfig) -> int:
     """Return a step limit that is ample for the largest of some worlds, from `FEWEST` to `MOST`."""
-    most = max(looks(world, mapping.sensor_range) for world in worlds)
-    steps = most * AMPLE_WAY / mapping.viewpoint_spacing
+    most = max(ample_way(world, mapping.sensor_range) for world in worlds)
+    steps = most / mapping.viewpoint_spacing
     return FEWEST if steps <= FEWEST else min(math.ceil(steps / _ROUND) * _ROUND, MOST)
 
 

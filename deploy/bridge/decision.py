@@ -174,13 +174,21 @@ class DecisionLoop:
             return True
         if any(fault.kind is FaultKind.WAYPOINT_OCCUPIED for fault in self._faults) or self._arrived(mapper, pose):
             return True
-        if now < self._next or (self._config.replan == "seen" and not self._seen(mapper, course.goal)):
+        wanted = self._config.replan == "always" or self._seen(mapper, course.goal) or self._at_end(course, pose)
+        if now < self._next or not wanted:
             return False
         return asked is None or pose.distance_to(asked[0].position) > _MOVED or asked[2] != mapper.belief.known_cells
 
     def _seen(self, mapper: Mapper, goal: Position) -> bool:
         """Whether nothing is left to see from where the robot is going."""
         return goal != self._oversight.target and nothing_to_see(mapper, goal, self._mapping.viewpoint_spacing)
+
+    def _at_end(self, course: Course, pose: Pose) -> bool:
+        """Whether the robot stands over the end of its route.
+
+        It may have passed its waypoint at a distance, on a way around something: then it never arrives there.
+        """
+        return pose.distance_to(course.route[-1]) <= max(self._mapping.robot_radius, self._mapping.resolution)
 
     def _decide(self, mapper: Mapper, pose: Pose, now: float) -> bool:
         """Let a planner decide where to go, and watch over its choice."""

@@ -74,8 +74,10 @@ class LocalPlanner:
         self._warm_up()
 
     def reset(self) -> None:
-        """Forget progress and remedies under way; call it when the robot is sent somewhere else."""
-        self._path = None
+        """Forget progress and remedies under way; call it when the robot is sent somewhere else, or stood for a while.
+
+        How far it has come along its path is forgotten with the next other path alone.
+        """
         self._courses.forget()
         self._watch.reset()
         self._turning = False
@@ -96,7 +98,7 @@ class LocalPlanner:
         Args:
             pose: of the robot's centre in the map frame.
             velocity: measured (m/s, rad/s).
-            path: (x, y) in the map frame, metres, the last one being the goal; the robot may be anywhere beside it.
+            path: (x, y) in the map frame, metres, the last one being the goal; made for a robot near here.
             obstacles: (n, 2) points in the map frame, metres.
             dt: seconds until the next command.
         """

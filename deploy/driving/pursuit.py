@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from math import hypot
 
 import numpy as np
@@ -38,20 +39,18 @@ class PathTracker:
     def advance(self, x: float, y: float) -> tuple[float, float]:
         """Find the robot on the path.
 
-        The first time the whole path counts, and the earlier of two equally near places; later only places around
-        the last one.
+        A path is made for where the robot is. So the first time it is looked for from the path's begin on, as far as
+        that comes nearer: a later part may pass near by, and taking it would leave out what lies between. Later only
+        places around the last one count.
 
         Returns:
             Metres along the path, and beside it.
         """
-        first = self._along is None
-        low, high = (0.0, self.length) if first else (self._along - 0.3, self._along + self._SEARCH)  # type: ignore[operator]
-        best, best_along = np.inf, 0.0
-        for along, distance in self._nearest(x, y, low, high):
-            if distance < best - (0.05 if first else 1e-9):
-                best, best_along = distance, along
-        self._along = best_along
-        return best_along, float(best)
+        if self._along is None:
+            self._along, aside = self._first(x, y)
+            return self._along, aside
+        best, self._along = min(self._nearest(x, y, self._along - 0.3, self._along + self._SEARCH))
+        return self._along, best
 
     def ahead(self, x: float, y: float, distances: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return positions so many metres ahead of a robot at (x, y): straight to the path first, then along it.
@@ -80,22 +79,34 @@ class PathTracker:
             float(np.interp(along, self._marks, self._points[:, 1])),
         )
 
+    def _first(self, x: float, y: float) -> tuple[float, float]:
+        """Return metres along and beside of the nearest place before the first from which the path leads away."""
+        aside, along = hypot(x - self._points[0, 0], y - self._points[0, 1]), 0.0
+        for index, end in enumerate(self._marks[1:]):
+            aside, along = min((aside, along), self._on_segment(index, x, y))
+            if along < end - 1e-9:
+                break
+        return along, aside
+
     def _nearest(self, x: float, y: float, low: float, high: float) -> list[tuple[float, float]]:
-        """Return (metres along, distance) of the nearest place on each segment between two marks."""
-        low, high = max(low, 0.0), min(high, self.length)
+        """Return (distance, metres along) of the nearest place on each segment between two marks."""
         if len(self._points) == 1:
-            return [(0.0, hypot(x - self._points[0, 0], y - self._points[0, 1]))]
-        places = []
-        for index in range(len(self._points) - 1):
-            start, end = self._marks[index], self._marks[index + 1]
-            if end < low or start > high:
-                continue
-            (ax, ay), (bx, by) = self._points[index], self._points[index + 1]
-            length = end - start
-            part = 0.0
-            if length > 0.0:
-                part = ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / length
-            along = min(max(start + part, start, low), end, high)
-            px, py = self.point(along)
-            places.append((float(along), hypot(x - px, y - py)))
-        return places
+            return [(hypot(x - self._points[0, 0], y - self._points[0, 1]), 0.0)]
+        low, high = max(low, 0.0), min(high, self.length)
+        return [
+            self._on_segment(index, x, y, low, high)
+            for index, (start, end) in enumerate(pairwise(self._marks))
+            if start <= high and end >= low
+        ]
+
+    def _on_segment(
+        self, index: int, x: float, y: float, low: float = -np.inf, high: float = np.inf
+    ) -> tuple[float, float]:
+        """Return (distance, metres along) of the nearest place on a segment, as far as it lies between two marks."""
+        start, end = float(self._marks[index]), float(self._marks[index + 1])
+        (ax, ay), (bx, by) = self._points[index].tolist(), self._points[index + 1].tolist()
+        length = end - start
+        part = ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / length if length > 0.0 else 0.0
+        along = min(max(start + part, start, low), end, high)
+        px, py = self.point(along)
+        return hypot(px - x, py - y), along

@@ -146,7 +146,9 @@ def demo(
     ] = None,
     speed_factor: Annotated[float, typer.Option(help="Times faster than real time.")] = 1.0,
     range_noise: Annotated[float, typer.Option(help="Standard deviation of ranges, m.")] = 0.02,
-    limit: Annotated[float, typer.Option(help="End after so many seconds of the robot.")] = 900.0,
+    limit: Annotated[
+        float | None, typer.Option(help="End after so many seconds of the robot. [default: ample for the world]")
+    ] = None,
     folder: Annotated[Path, typer.Option(help="Where video, verdict and logs go.")] = Path("runs/demo"),
     video: Annotated[str, typer.Option(help="Name of the video, .mp4 or .gif; empty for none.")] = "demo.mp4",
     log_level: Annotated[str | None, typer.Option(help="debug, info, warning or error.")] = None,
@@ -182,7 +184,7 @@ def demo(
     )
     stop = threading.Event()
     with stopping_signals(stop):
-        verdict = run_demo(trial, folder, limit, stop, console, video or None)
+        verdict = run_demo(trial, folder, trial.ample_seconds if limit is None else limit, stop, console, video or None)
     typer.echo(json.dumps(verdict.to_json(), indent=2))
     if not verdict.success and not stop.is_set():
         raise typer.Exit(1)

@@ -47,7 +47,8 @@ def run_demo(
             way = [earlier.pose.position for earlier in trial.shots]
             waypoint = shot.path[0] if shot.path else None
             columns = min(console.width, 2 * max(console.height - 14, 10))
-            live.update(live_view(shot.belief, shot.pose, way, waypoint, _lines(trial, truth, status), columns))
+            belief = None if shot.belief is None else shot.belief.grid()
+            live.update(live_view(belief, shot.pose, way, waypoint, _lines(trial, truth, status), columns))
             live.refresh()
 
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -20,8 +21,40 @@ from deploy.robot.simulation import Grid
 
 STRIP = 22
 HOLD_LAST = 15
+PIXELS = 12.0
+WIDTHS = 640, 1280
+MOST_PICTURES = 900
+"""A minute and a half of video; of longer deployments moments are left out evenly."""
 MARGIN = 0.5
 _ROUTE, _PLAN, _BEACON, _ROBOT, _TEXT = (53, 102, 184), (224, 123, 0), (179, 38, 30), (20, 120, 60), (30, 30, 30)
+
+
+@dataclass(frozen=True, slots=True)
+class PackedGrid:
+    """A grid that waits to be drawn, in a hundredth of its memory: a deployment has thousands of them.
+
+    Attributes:
+        packed: cells, int8, row by row, deflated.
+        shape: rows, columns.
+        resolution: metres.
+        origin: lower left corner of the first cell, metres.
+    """
+
+    packed: bytes
+    shape: tuple[int, int]
+    resolution: float
+    origin: Position
+
+    @classmethod
+    def of(cls, grid: Grid) -> PackedGrid:
+        """Pack a grid."""
+        rows, columns = grid.cells.shape
+        return cls(zlib.compress(grid.cells.tobytes(), 1), (rows, columns), grid.resolution, grid.origin)
+
+    def grid(self) -> Grid:
+        """Return the grid."""
+        cells = np.frombuffer(zlib.decompress(self.packed), np.int8).reshape(self.shape)
+        return Grid(cells, self.resolution, self.origin)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,27 +72,32 @@ class Shot:
 
     time: float
     pose: Pose
-    belief: Grid | None
+    belief: PackedGrid | None
     path: tuple[Position, ...]
     beacon: Position | None
     words: str
 
 
 def frames(
-    shots: Sequence[Shot], world: GridMap, target: Position | None = None, width: int = 640
+    shots: Sequence[Shot], world: GridMap, target: Position | None = None, width: int | None = None
 ) -> Iterator[Image.Image]:
-    """Draw every shot over the true walls, the last one long enough to look at it.
+    """Draw shots over the true walls, the last one long enough to look at it.
 
     Args:
-        shots: oldest first.
+        shots: oldest first; no more than `MOST_PICTURES` of them are drawn, evenly chosen, the last one included.
         world: true map, for its outline.
         target: navigation target, metres.
-        width: pixels.
+        width: pixels; when not given `PIXELS` a metre, within `WIDTHS`, so that doors of a floor can be made out.
     """
-    camera = _Camera(_cropped(world), target, width)
+    shown = _cropped(world)
+    if width is None:
+        width = round(min(max(PIXELS * shown.size[0], WIDTHS[0]), WIDTHS[1]))
+    camera = _Camera(shown, target, width)
     picture: Image.Image | None = None
-    for number, shot in enumerate(shots):
-        picture = camera.draw(shot, [earlier.pose.position for earlier in shots[: number + 1]])
+    way = [shot.pose.position for shot in shots]
+    count = min(len(shots), MOST_PICTURES)
+    for last in (len(shots) * (number + 1) // count - 1 for number in range(count)):
+        picture = camera.draw(shots[last], way[: last + 1])
         yield picture
     for _ in range(HOLD_LAST if picture is not None else 0):
         assert picture is not None
@@ -86,12 +124,13 @@ class _Camera:
         self._scale = width / columns
         # Video codecs want even sides.
         self._size = width // 2 * 2, round(rows * self._scale) // 2 * 2
-        self._drawn: Grid | None = None
+        self._drawn: PackedGrid | None = None
         self._background: Image.Image | None = None
 
     def draw(self, shot: Shot, way: list[Position]) -> Image.Image:
-        if self._background is None or shot.belief is not self._drawn:
-            self._drawn, self._background = shot.belief, self._ground(shot.belief)
+        if self._background is None or shot.belief != self._drawn:
+            self._drawn = shot.belief
+            self._background = self._ground(None if shot.belief is None else shot.belief.grid())
         picture = Image.new("RGB", (self._size[0], self._size[1] + STRIP), (255, 255, 255))
         picture.paste(self._background, (0, STRIP))
         pen = ImageDraw.Draw(picture)

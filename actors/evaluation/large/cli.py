@@ -48,7 +48,7 @@ def large(
             min=0.0,
             max=2.0,
             metavar="METRES",
-            help="Room that planners leave the robot's centre. [default: mapping.robot_radius]",
+            help="The robot's; planners keep 0.02 m more, and 0 is a point. [default: mapping.robot_radius as it is]",
         ),
     ] = None,
     policy: Annotated[
@@ -75,7 +75,7 @@ def large(
     - `hd-eval large --planner dstar_lite,far --task navigation --targets 5 --out navigation/`
     """
     from actors.evaluation.large.runner import LargeEvaluation
-    from actors.evaluation.large.settings import LIDAR, MAX_STEPS, LargeSettings
+    from actors.evaluation.large.settings import LIDAR, MAX_STEPS, TRACKING_ROOM, LargeSettings
     from actors.evaluation.suited import suited_config
     from actors.evaluation.worlds import WorldSet
 
@@ -83,7 +83,8 @@ def large(
     setup_logging("warning", console=console if console.is_terminal else None)
     own = [f"simulator.{name}={value}" for name, value in LIDAR.items()]
     own += [f"task.max_steps={MAX_STEPS}", *(overrides or []), f"task.name={task.value}"]
-    own += [] if robot_radius is None else [f"mapping.robot_radius={robot_radius}"]
+    if robot_radius is not None:
+        own.append(f"mapping.robot_radius={robot_radius + TRACKING_ROOM if robot_radius > 0.0 else 0.0}")
     suited = suited_config([world], config, own, os.environ)
     run = suited.run
     settings = LargeSettings(

@@ -13,6 +13,9 @@ from common.errors import ConfigError
 WORLD = "generator:building"
 # Decisions of an episode (of a leg, on a tour): ten times what is usual, the limit is for planners that circle.
 MAX_STEPS = 2_000
+TRACKING_ROOM = 0.02
+"""Metres that planners keep beyond the robot's radius: a robot with wheels follows a line to a few millimetres, and one
+that is led along a corner at exactly its radius grazes it."""
 # A 16-line lidar as it is usual in Gazebo: 440 samples a turn. 5 Hz are a scan every 0.4 m at 2 m/s.
 LIDAR: dict[str, Any] = {
     "name": "pybullet",

@@ -182,6 +182,21 @@ def test_a_planner_that_circles_is_relieved():
     assert trial.run(300, ended).orders.phase is Phase.FINISHED
 
 
+def test_a_robot_that_passed_its_waypoint_at_a_distance_decides_anew_at_the_end_of_its_route():
+    # Its local planner went around something at the waypoint, and has nothing left to drive.
+    # The beacon is no viewpoint, so that nobody can say that there is nothing left to see.
+    plan = Plan(Status.GOING, waypoint=(10.0, 6.0), beacon=(8.0, 8.0), path=[(10.0, 10.0)])
+    trial = started(ROOM, Scripted(lambda *_: plan))
+    assert trial.run(1).course.route == ((10.0, 6.0), (10.0, 10.0))
+    trial.frozen = True
+    while trial.pose.distance_to((10.0, 10.0)) > 0.01:
+        trial._drive((10.0, 10.0), 0.2)
+        trial.tick()
+    asked = trial.team.main.asked
+    trial.run(2)
+    assert trial.team.main.asked > asked
+
+
 def test_a_waypoint_that_cannot_be_reached_is_left_alone_for_a_while():
     trial = started(ROOMS, safety={"progress_time": 3.0, "blacklist_time": 10.0})
     trial.frozen = True

@@ -54,6 +54,29 @@ def test_follows_a_path_that_leads_back_over_itself():
     assert vehicle.travelled > 7.5
 
 
+def test_goes_round_a_loop_whose_end_passes_the_start():
+    vehicle, planner, corner = Vehicle(Pose(0.1, 0.1, 1.5), NOTHING), LocalPlanner(CONFIG), (0.0, 2.4)
+    path = [(0.3, 0.0), corner, (2.2, 2.0), (0.2, 0.3), (0.2, -3.0)]
+    nearest = math.inf
+    for _ in range(600):
+        vehicle.drive(planner.command(vehicle.pose, vehicle.velocity, path, NOTHING, 0.05), 0.05)
+        nearest = min(nearest, vehicle.pose.distance_to(corner))
+    assert nearest < 0.5
+    assert vehicle.pose.distance_to(path[-1]) < 0.15
+
+
+def test_goes_on_where_it_was_after_it_stood():
+    vehicle, planner = Vehicle(Pose(0.0, 0.0), NOTHING), LocalPlanner(CONFIG)
+    path = [(0.0, 0.0), (4.0, 0.0), (4.0, 0.6), (0.0, 0.6)]
+    for turn in range(400):
+        if turn == 160:
+            assert vehicle.pose.y > 0.4, "on its way back"
+            planner.reset()
+        vehicle.drive(planner.command(vehicle.pose, vehicle.velocity, path, NOTHING, 0.05), 0.05)
+    assert vehicle.pose.distance_to(path[-1]) < 0.15
+    assert vehicle.travelled < 9.5
+
+
 def test_stops_at_the_end():
     planner = LocalPlanner(CONFIG)
     vehicle, reached, _, _, _ = drive(NOTHING, [(2.0, 0.0)], planner=planner, until=0.07)

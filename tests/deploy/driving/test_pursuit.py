@@ -40,13 +40,37 @@ def test_repeated_positions():
     assert path.advance(1.5, 1.0) == pytest.approx((0.5, 0.0))
 
 
+def test_a_part_of_the_path_beyond_a_loop_is_not_begun_with():
+    # To a viewpoint in the corner of a room and back out, past where the robot is.
+    path = PathTracker([(0.3, 0.0), (0.0, 2.4), (2.2, 2.0), (0.2, 0.3), (0.2, -3.0)])
+    along, aside = path.advance(0.1, 0.1)
+    assert along < 0.3
+    assert aside < 0.25
+
+
 @given(
-    st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9)), min_size=1, max_size=6), st.floats(-9, 9), st.floats(-9, 9)
+    st.lists(st.tuples(st.integers(-9, 9), st.integers(-9, 9)), min_size=1, max_size=6),
+    st.floats(-9, 9),
+    st.floats(-9, 9),
 )
-def test_first_place_is_about_the_nearest(points, x, y):
+def test_the_first_place_is_the_nearest_until_the_path_leads_away(points, x, y):
     path = PathTracker(points)
     along, aside = path.advance(x, y)
     assert 0.0 <= along <= path.length
-    samples = [path.point(mark) for mark in np.linspace(0.0, path.length, 200)]
-    nearest = min(np.hypot(px - x, py - y) for px, py in samples)
-    assert aside <= nearest + 0.06 * len(points)
+    px, py = path.point(along)
+    assert np.hypot(px - x, py - y) == pytest.approx(aside, abs=1e-9)
+    before = [path.point(mark) for mark in np.linspace(0.0, along, 200)]
+    gaps = [np.hypot(px - x, py - y) for px, py in before]
+    assert np.all(np.diff(gaps) <= 1e-9)
+    px, py = path.point(min(along + 1e-4, path.length))
+    assert np.hypot(px - x, py - y) >= aside - 1e-9
+
+
+@given(st.floats(-1, 9), st.floats(-1, 5), st.floats(-1, 9), st.floats(-1, 5))
+def test_a_later_place_is_the_nearest_around_the_last(x, y, later_x, later_y):
+    path = PathTracker(L)
+    first, _ = path.advance(x, y)
+    along, aside = path.advance(later_x, later_y)
+    near = [path.point(mark) for mark in np.linspace(max(first - 0.3, 0.0), min(first + 2.0, path.length), 200)]
+    assert max(first - 0.3, 0.0) <= along <= first + 2.0 + 1e-9
+    assert aside <= min(np.hypot(px - later_x, py - later_y) for px, py in near) + 1e-9

@@ -1,7 +1,11 @@
+import dataclasses
 import io
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
 from rich.console import Console
 
 pytest.importorskip("PIL", reason="Pillow is not installed")
@@ -9,9 +13,11 @@ pytest.importorskip("PIL", reason="Pillow is not installed")
 from actors.evaluation.plots import FREE, OCCUPIED, UNKNOWN
 from actors.maps.grid_map import GridMap
 from common.geometry import Pose
-from deploy.robot.film import HOLD_LAST, STRIP, Shot, frames
+from deploy.robot import film
+from deploy.robot.film import HOLD_LAST, STRIP, PackedGrid, Shot, frames
 from deploy.robot.simulation import Grid
 from deploy.robot.terminal import live_view, picture
+from tests.plans import office_floor
 
 
 def hall():
@@ -35,7 +41,8 @@ def half_known():
 
 
 def shot(time=1.0, belief=None, words="greedy"):
-    return Shot(time, Pose(-1.0, 0.0, 0.5), belief, ((1.0, 1.0), (2.0, 0.0)), (2.0, 1.0), words)
+    packed = None if belief is None else PackedGrid.of(belief)
+    return Shot(time, Pose(-1.0, 0.0, 0.5), packed, ((1.0, 1.0), (2.0, 0.0)), (2.0, 1.0), words)
 
 
 def test_a_film_shows_what_is_known_and_holds_its_last_picture():
@@ -71,3 +78,35 @@ def test_the_live_view_waits_for_the_first_map():
 def test_a_belief_without_anything_known_can_be_drawn():
     nothing = Grid(np.full((3, 3), -1, dtype=np.int8), 0.2, (0.0, 0.0))
     assert picture(nothing, Pose(0.0, 0.0), [], None, 10).plain.strip()
+
+
+def test_a_wide_world_has_wide_pictures():
+    wide = dataclasses.replace(hall(), free=np.ones((8, 400), dtype=np.bool_))
+    small, large, huge = (
+        next(frames([shot()], dataclasses.replace(wide, resolution=resolution))).size[0]
+        for resolution in (0.1, 0.2, 0.5)
+    )
+    assert (small, large, huge) == (640, 960, 1280)
+
+
+@given(cells=arrays(np.int8, array_shapes(min_dims=2, max_dims=2), elements=st.sampled_from([-1, 0, 100])))
+def test_a_packed_grid_is_the_grid(cells):
+    found = PackedGrid.of(Grid(cells, 0.2, (-1.0, 3.5))).grid()
+    assert np.array_equal(found.cells, cells)
+    assert (found.resolution, found.origin) == (0.2, (-1.0, 3.5))
+
+
+def test_thousands_of_beliefs_of_a_floor_fit_in_memory():
+    world = office_floor().world
+    grid = Grid(np.where(world.free, 0, 100).astype(np.int8), world.resolution, world.origin)
+    assert len(PackedGrid.of(grid).packed) < grid.cells.nbytes / 20
+
+
+def test_a_long_deployment_makes_a_video_of_bounded_length_that_ends_at_its_end(monkeypatch):
+    monkeypatch.setattr(film, "MOST_PICTURES", 4)
+    shots = [shot(float(number), words=str(number)) for number in range(9)]
+    pictures = list(frames(shots, hall(), width=320))
+    assert len(pictures) == 4 + HOLD_LAST
+    (last,) = list(frames(shots[-1:], hall(), width=320))[:1]
+    strips = [np.asarray(each)[:STRIP] for each in (pictures[3], last)]
+    assert np.array_equal(*strips)

@@ -1,7 +1,9 @@
 """From the command to table, pictures and recount, in small worlds."""
 
 import json
+import math
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -9,6 +11,11 @@ pytest.importorskip("pybullet")
 
 from actors.evaluation.cli import app
 from actors.evaluation.large.results import read_large_results
+from actors.evaluation.large.settings import LIDAR, TRACKING_ROOM
+from actors.maps.grid_map import GridMap
+from actors.simulators.dynamic import DynamicSimulator
+from common.config.schema import SimulatorConfig
+from common.geometry import Pose
 
 SMALL = "generator:building?width=192&height=192&lobbies=1"
 
@@ -56,7 +63,27 @@ def test_a_tour_visits_all_targets(tour):
     assert sum(leg.distance_m for leg in episode.legs) == pytest.approx(episode.distance_m, abs=0.01)
     assert sum(leg.time_s for leg in episode.legs) == pytest.approx(episode.time_s, abs=0.01)
     assert sum(leg.steps for leg in episode.legs) == episode.steps
-    assert results.settings["mapping"]["robot_radius"] == 0.25
+    assert results.settings["mapping"]["robot_radius"] == pytest.approx(0.25 + TRACKING_ROOM)
+    assert episode.collisions == 0
+
+
+@pytest.mark.parametrize("slope", [-0.3, -0.11, 0.0, 0.11, 0.3])
+def test_a_robot_led_past_a_corner_at_its_radius_and_the_room_for_tracking_does_not_touch_it(slope):
+    free = np.ones((24, 32), dtype=np.bool_)
+    free[8:11, 14:17] = False
+    world = GridMap("column", free, 0.25, (0.0, 0.0), (1.0, 1.0), None, None, (0.0, 0.0))
+    # Along a line so far from the column, to the nearest of its upper corners.
+    gap = (0.25 + TRACKING_ROOM) * math.hypot(1.0, slope)
+    x, y = (4.25 if slope < 0.0 else 3.5), 2.75 + gap
+    simulator = DynamicSimulator(SimulatorConfig(**LIDAR), 20.0)
+    try:
+        simulator.reset(world, 0)
+        simulator.place(Pose(x + 2.0, y + 2.0 * slope, -1.6))
+        leg = simulator.drive_to((x - 2.0, y - 2.0 * slope))
+    finally:
+        simulator.close()
+    assert leg.reached
+    assert leg.collisions == 0
 
 
 def test_the_same_command_again_has_nothing_to_do(exploration):
