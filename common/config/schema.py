@@ -102,6 +102,9 @@ class FamilyConfig(Section):
     """Likewise of its validation worlds."""
     tasks: tuple[Literal["exploration", "navigation"], ...] = ("exploration", "navigation")
     """Tasks that it serves, where the run has them."""
+    teacher: Literal["expert", "reference", "policy"] = "expert"
+    """Whom imitation follows here: `expert`: who knows the true map; `reference`: the route of a classical planner, for
+    worlds where that is the better beginning; `policy`: `learner.initial_policy`, so that what it can is kept."""
     share: Positive = 1.0
     """Its share of all steps, in proportion to the other families'."""
     sensor_range: tuple[Positive, Positive] | None = None
@@ -288,8 +291,8 @@ class PpoConfig(Section):
     worlds is forgotten."""
     clip: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.2
     """The ratio of new to old probability of a waypoint earns nothing beyond 1 - clip and 1 + clip."""
-    weight: Annotated[float, Field(ge=0.0)] = 1.0
-    """Weight of the clipped loss beside the imitation loss, which holds the exact sum."""
+    imitation_weight: Annotated[float, Field(ge=0.0)] = 0.1
+    """Weight of the imitation loss beside the exact sum and the clipped loss, in each family after its own teacher."""
     max_advantage: Positive = 4.0
     """Advantages beyond this many standard deviations of their family of worlds count as this."""
     scale_rate: Annotated[float, Field(gt=0.0, le=1.0)] = 0.002
@@ -522,6 +525,13 @@ class RunConfig(Section):
                     f"families: viewpoint_spacing of {family.name!r} must be at least two belief cells "
                     f"(2 x {self.mapping.resolution} m), got {spacing[0]}"
                 )
+        teachers = {family.teacher for family in self.families}
+        if "policy" in teachers and self.learner.initial_policy is None:
+            raise ValueError("families: one has the teacher 'policy': name it with learner.initial_policy")
+        if "reference" in teachers and self.network.features != "guided":
+            raise ValueError(
+                "families: one has the teacher 'reference', whose route only network.features = 'guided' tell"
+            )
         if not all(any(task.name in family.tasks for family in self.mix) for task in self.tasks):
             raise ValueError(
                 f"families: one of them at least must serve the task {self.task_name!r}: see their `tasks`"

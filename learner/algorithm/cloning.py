@@ -22,28 +22,35 @@ class Guidance:
         cost: metres of detour of each waypoint slot, float32, shape (total waypoints,).
         beacon: slot of the first beacon that the expert reaches, -1 where unknown, int64, shape (k,).
         labelled: observations that have labels, bool, shape (k,).
+        wanted: probability of each waypoint slot that another teacher than the expert wants, float32, shape (total
+            waypoints,).
+        follows: observations in which that other teacher is followed, bool, shape (k,).
     """
 
     cost: Tensor
     beacon: Tensor
     labelled: Tensor
+    wanted: Tensor
+    follows: Tensor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CloningLoss:
-    """The imitation loss and its parts, scalars; each part is a mean over the labelled observations."""
+    """The imitation loss and its parts, scalars; each part is a mean over the observations that it is about."""
 
     total: Tensor
     expected_cost: Tensor
     cross_entropy: Tensor
     beacon_cross_entropy: Tensor
+    following: Tensor
 
 
 def cloning_loss(output: PolicyOutput, guidance: Guidance, batch: GraphBatch, config: CloningConfig) -> CloningLoss:
     """Σ_a π(a) c(a) + w₁ CE(softmax(−c), π) + w₂ CE(expert's beacon, π_b) − w₃ H.
 
     π(a) = Σ_b π_b π_a(a | b) is the marginal of the waypoints, c their cost in units of `cost_scale`, at most
-    `max_cost`, and H = H_b + H_a the policy's entropy. Observations without labels count nowhere.
+    `max_cost`, and H = H_b + H_a the policy's entropy. Observations without labels count nowhere. Where another teacher
+    is followed, the cross entropy on its choice stands in the place of the first three terms.
     """
     k = len(batch)
     cost = (guidance.cost / config.cost_scale).clamp(max=config.max_cost)
@@ -52,18 +59,21 @@ def cloning_loss(output: PolicyOutput, guidance: Guidance, batch: GraphBatch, co
     wanted = segment_log_softmax(-cost, batch.waypoint_graph, k).exp()
     cross = -segment_sum(wanted * log_waypoint, batch.waypoint_graph, k)
     beacon_entropy, waypoint_entropy = entropies(output, batch)
-    has_beacon = guidance.labelled & (guidance.beacon >= 0)
+    following = -segment_sum(guidance.wanted * log_waypoint, batch.waypoint_graph, k)
+    own = guidance.labelled & ~guidance.follows
+    has_beacon = own & (guidance.beacon >= 0)
     log_wanted = output.log_beacon.index_select(0, guidance.beacon.clamp(min=0))
     parts = (
-        _mean(expected, guidance.labelled),
-        _mean(cross, guidance.labelled),
+        _mean(expected, own),
+        _mean(cross, own),
         _mean(-log_wanted, has_beacon),
+        _mean(following, guidance.follows),
     )
+    share = own.sum() / guidance.labelled.sum().clamp(min=1)
     entropy = _mean(beacon_entropy + waypoint_entropy, guidance.labelled)
     total = (
-        parts[0]
-        + config.cross_entropy_weight * parts[1]
-        + config.beacon_weight * parts[2]
+        share * (parts[0] + config.cross_entropy_weight * parts[1] + config.beacon_weight * parts[2])
+        + (1.0 - share) * parts[3]
         - config.entropy_bonus * entropy
     )
     return CloningLoss(total, *parts)

@@ -26,6 +26,7 @@ from learner.algorithm.device import wants_bf16
 from learner.algorithm.losses import entropies, triplet_loss, triplets, waypoint_marginal
 from learner.algorithm.optimisers import Optimiser, blend, scheduled_rate
 from learner.algorithm.sample import Sample
+from learner.algorithm.teachers import Teachers
 
 
 class PolicyLearner(ABC):
@@ -56,6 +57,7 @@ class PolicyLearner(ABC):
         self.policy = PolicyNetwork(config.network).to(device)
         self.average = deepcopy(self.policy).requires_grad_(False)
         self._optimisers = {"policy": Optimiser(self.policy, clip_norm)}
+        self._teachers = Teachers(config)
         self._rng = np.random.default_rng(config.seed)
         self._autocast = wants_bf16(config.learner.precision, device)
 
@@ -90,7 +92,7 @@ class PolicyLearner(ABC):
             batch = self._augmented(batch)
         metrics: dict[str, Tensor] = {}
         if self.stage == "cloning":
-            self._imitate(Sample.make(batch, self.config, self.device, bootstrap=False), metrics)
+            self._imitate(self._sample(batch, bootstrap=False), metrics)
         else:
             self._reinforce(batch, metrics)
         self.updates += 1
@@ -151,6 +153,9 @@ class PolicyLearner(ABC):
 
     # --- parts for subclasses ------------------------------------------------------------------------------------
 
+    def _sample(self, batch: TransitionBatch, *, bootstrap: bool) -> Sample:
+        return Sample.make(batch, self.config, self.device, bootstrap, self._teachers)
+
     def _imitate(self, sample: Sample, metrics: dict[str, Tensor]) -> None:
         """Descend the imitation loss; a batch without labels changes nothing."""
         if sample.guidance is None:
@@ -168,6 +173,7 @@ class PolicyLearner(ABC):
         metrics["cloning/expected_cost"] = loss.expected_cost
         metrics["cloning/cross_entropy"] = loss.cross_entropy
         metrics["cloning/beacon_cross_entropy"] = loss.beacon_cross_entropy
+        metrics["cloning/following"] = loss.following
         self._descend(loss.total, rate, output, sample.now, metrics)
 
     def _descend(

@@ -28,11 +28,12 @@ class PpoLearner(PolicyLearner):
 
     After imitation `ppo.value_only_updates` updates train the value function alone; all others descend
 
-        cloning_loss + ppo.weight · mean −min(ρ A', clip(ρ) A'),    ρ = π(a_t) / π_behaviour(a_t),
+        mean [Σ_a π(a) c(a) / σ − min(ρ A', clip(ρ) A')] + ppo.imitation_weight · imitation loss,
 
-    where π is the marginal of the waypoints and A' = A + c(a_t) − Σ_a π(a) c(a), with A = R_n + γ^m V(s') − V(s), is
-    the advantage without the part that the exact sum has already. A' counts from the running mean of its family of
-    worlds, which costs no bias and forgives a value function that lags behind, and in units of its standard deviation.
+    where π is the marginal of the waypoints, ρ = π(a_t) / π_behaviour(a_t), and A' = (A + c(a_t) − Σ_a π(a) c(a)) / σ,
+    with A = R_n + γ^m V(s') − V(s), is the advantage without the part that the exact sum has already. A' counts from
+    the running mean of its family of worlds, which costs no bias and forgives a value function that lags behind; σ is
+    the standard deviation there, so that every family counts alike.
     """
 
     def __init__(self, config: RunConfig, device: torch.device) -> None:
@@ -58,7 +59,7 @@ class PpoLearner(PolicyLearner):
 
     def _reinforce(self, batch: TransitionBatch, metrics: dict[str, Tensor]) -> None:
         """Train the value function, and in the last stage the policy."""
-        sample = Sample.make(batch, self.config, self.device, bootstrap=False)
+        sample = self._sample(batch, bootstrap=False)
         returns = Returns.make(batch, sample.now.arrays, self.config, self.device)
         advantage = self._update_value(returns, metrics)
         if self.stage == "ppo":
@@ -88,15 +89,17 @@ class PpoLearner(PolicyLearner):
         imitation = cloning_loss(output, sample.guidance, batch, config.cloning)
         metrics["loss/cloning"] = imitation.total
         metrics["cloning/expected_cost"] = imitation.expected_cost
-        loss = imitation.total
+        loss = config.ppo.imitation_weight * imitation.total
         detour = -told_rewards(sample.guidance.cost, config)
         log_waypoint = log_marginal(output, batch)
-        expected = segment_sum(log_waypoint.detach().exp() * detour, batch.waypoint_graph, len(batch))
-        rest, size = self._rest(returns, advantage + detour[returns.slot] - expected[returns.rows], metrics)
+        expected = segment_sum(log_waypoint.exp() * detour, batch.waypoint_graph, len(batch))[returns.rows]
+        rest, size = self._rest(returns, advantage + detour[returns.slot] - expected.detach(), metrics)
         if len(returns):
             log_ratio = log_waypoint[returns.slot] - returns.probability.log()
             surrogate = clipped_surrogate(log_ratio, rest / size, config.ppo.clip)
-            loss = loss + config.ppo.weight * surrogate
+            exact = (expected / size).mean()
+            loss = loss + exact + surrogate
+            metrics["loss/exact"] = exact
             ratio = log_ratio.detach().exp()
             metrics["loss/surrogate"] = surrogate
             metrics["policy/clipped"] = ((ratio - 1.0).abs() > config.ppo.clip).float().mean()

@@ -59,7 +59,7 @@ class SacLearner(PolicyLearner):
 
     def _reinforce(self, batch: TransitionBatch, metrics: dict[str, Tensor]) -> None:
         """Train the critics, and in the last stage policy and temperatures."""
-        sample = Sample.make(batch, self.config, self.device, bootstrap=True)
+        sample = self._sample(batch, bootstrap=True)
         q = self._update_critics(sample, metrics)
         if self.stage == "sac":
             output = self._update_policy(sample, q, metrics)

@@ -13,6 +13,7 @@ from common.network.graph_batch import GraphBatch
 from common.observation_index import waypoint_counts
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.cloning import Guidance
+from learner.algorithm.teachers import Teachers
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +48,9 @@ class Sample:
     told_after: Tensor | None
 
     @classmethod
-    def make(cls, batch: TransitionBatch, config: RunConfig, device: torch.device, bootstrap: bool) -> Sample:
+    def make(
+        cls, batch: TransitionBatch, config: RunConfig, device: torch.device, bootstrap: bool, teachers: Teachers
+    ) -> Sample:
         """Build graphs and slots on the host and move them to the device.
 
         Args:
@@ -55,6 +58,7 @@ class Sample:
             config: the networks that read it, and what the critics are told.
             device: where to.
             bootstrap: also prepare o', which imitation does not need.
+            teachers: whom imitation follows.
 
         Raises:
             ValueError: a chosen node is no beacon or waypoint of its observation; a privileged critic shall learn
@@ -81,10 +85,13 @@ class Sample:
             after = graphs.to(device)
         guidance = None
         if batch.labels is not None and batch.labelled.any():
+            wanted, follows = teachers.wanted(batch, now.arrays)
             guidance = Guidance(
                 cost=torch.from_numpy(batch.labels.cost).to(device),
                 beacon=torch.from_numpy(now.arrays.beacon_slots(batch.labels.beacon)).to(device),
                 labelled=torch.from_numpy(batch.labelled).to(device),
+                wanted=torch.from_numpy(wanted).to(device),
+                follows=torch.from_numpy(follows).to(device),
             )
         return cls(
             now=now.to(device),
