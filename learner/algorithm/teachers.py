@@ -1,8 +1,8 @@
 """Whom imitation follows in each family of worlds: the privileged expert, the reference route, or an earlier policy.
 
-The expert knows the true map, so who imitates it plans as if the rest of the map were about to be known: in worlds where
-one glimpse decides over long ways that makes robots dither. There a classical planner's route is the better beginning
-for reinforcement learning; and where an earlier policy is good already, that policy is.
+The expert knows the true map, so who imitates it plans as if the rest of the map were about to be known: in worlds
+where one glimpse decides over long ways that makes robots dither. There a classical planner's route is the better
+beginning for reinforcement learning; and where an earlier policy is good already, that policy is.
 """
 
 from __future__ import annotations

@@ -155,11 +155,25 @@ def test_triplet_hinge() -> None:
     assert nothing.item() == 0.0
 
 
+def nobody_else() -> tuple[torch.Tensor, torch.Tensor]:
+    """No other teacher than the expert."""
+    return torch.zeros(2), torch.tensor([False])
+
+
+def test_another_teacher_stands_in_the_place_of_the_expert(batch: GraphBatch, output: PolicyOutput) -> None:
+    wanted, follows = torch.tensor([0.2, 0.8]), torch.tensor([True])
+    guidance = Guidance(torch.tensor([0.0, 100.0]), torch.tensor([1]), torch.tensor([True]), wanted, follows)
+    loss = cloning_loss(output, guidance, batch, CloningConfig(entropy_bonus=0.0))
+    marginal = np.array([0.125 + 0.15, 0.125 + 0.6])
+    assert loss.following.item() == pytest.approx(-(np.array([0.2, 0.8]) * np.log(marginal)).sum(), rel=1e-5)
+    assert loss.total.item() == pytest.approx(loss.following.item(), rel=1e-6)
+
+
 def test_cloning_loss(batch: GraphBatch, output: PolicyOutput) -> None:
     config = CloningConfig(
         cost_scale=4.0, max_cost=2.0, cross_entropy_weight=0.1, beacon_weight=0.5, entropy_bonus=0.01
     )
-    guidance = Guidance(torch.tensor([0.0, 100.0]), torch.tensor([1]), torch.tensor([True]))
+    guidance = Guidance(torch.tensor([0.0, 100.0]), torch.tensor([1]), torch.tensor([True]), *nobody_else())
     loss = cloning_loss(output, guidance, batch, config)
     marginal = np.array([0.125 + 0.15, 0.125 + 0.6])
     wanted = np.exp([0.0, -2.0]) / np.exp([0.0, -2.0]).sum()
@@ -174,7 +188,7 @@ def test_cloning_loss(batch: GraphBatch, output: PolicyOutput) -> None:
 
 
 def test_cloning_ignores_what_has_no_label(batch: GraphBatch, output: PolicyOutput) -> None:
-    unlabelled = Guidance(torch.tensor([0.0, 9.0]), torch.tensor([-1]), torch.tensor([False]))
+    unlabelled = Guidance(torch.tensor([0.0, 9.0]), torch.tensor([-1]), torch.tensor([False]), *nobody_else())
     assert cloning_loss(output, unlabelled, batch, CloningConfig()).total.item() == 0.0
     no_beacon = replace(unlabelled, labelled=torch.tensor([True]))
     assert cloning_loss(output, no_beacon, batch, CloningConfig()).beacon_cross_entropy.item() == 0.0

@@ -19,6 +19,7 @@ from learner.algorithm.losses import clipped_surrogate, waypoint_marginal
 from learner.algorithm.ppo import PpoLearner
 from learner.algorithm.sac import SacLearner
 from learner.algorithm.sample import Sample
+from learner.algorithm.teachers import Teachers
 from learner.algorithm.value import VALUE_FEATURES, FamilyScales, value_features
 from tests.learner.algorithm.test_sac import CPU, batches, config, moved
 from tests.transitions import random_transitions
@@ -93,7 +94,7 @@ def test_the_clipped_loss_by_hand() -> None:
 def test_the_loss_of_an_update_by_hand() -> None:
     """With V = 0 the advantage is the return, so all can be worked out from batch and policy."""
     setting = ppo_config(
-        contrastive={"weight": 0.0}, learner={"augment": False}, ppo={"weight": 0.7, "scale_rate": 1.0}
+        contrastive={"weight": 0.0}, learner={"augment": False}, ppo={"imitation_weight": 0.7, "scale_rate": 1.0}
     )
     learner = PpoLearner(setting, CPU)
     batch = known(2)
@@ -103,22 +104,25 @@ def test_the_loss_of_an_update_by_hand() -> None:
         probabilities=np.array([0.5, 0.4, 0.3, 0.2, 0.1, 0.0], dtype=np.float32),
     )
     assert batch.labels is not None
-    sample = Sample.make(batch, setting, CPU, bootstrap=False)
+    sample = Sample.make(batch, setting, CPU, bootstrap=False, teachers=Teachers(setting))
     assert sample.guidance is not None
     imitation = cloning_loss(learner.policy(sample.now), sample.guidance, sample.now, setting.cloning).total.item()
     per_state = chances(learner, batch)
     costs = np.split(np.minimum(batch.labels.cost, 40.0) / 4.0, np.cumsum([len(p) for p in per_state])[:-1])
-    rest, ratio = [], []
+    rest, ratio, expected = [], [], []
     for k, slot in enumerate(chosen(batch)[:5]):  # the last was no choice of the policy
         rest.append(batch.rewards[k] + costs[k][slot] - per_state[k] @ costs[k])
         ratio.append(per_state[k][slot] / batch.probabilities[k])
+        expected.append(per_state[k] @ costs[k])
     size = np.std(rest)
     scaled = np.clip((np.array(rest) - np.mean(rest)) / size, -4.0, 4.0)
     surrogate = -np.minimum(np.array(ratio) * scaled, np.clip(ratio, 0.8, 1.2) * scaled).mean()
     metrics = learner.update(batch)
     assert metrics["advantage/size_0"] == pytest.approx(size, rel=1e-4)
     assert metrics["loss/surrogate"] == pytest.approx(surrogate, rel=1e-4)
-    assert metrics["loss/policy"] == pytest.approx(imitation + 0.7 * surrogate, rel=1e-4)
+    exact = np.mean(expected) / size
+    assert metrics["loss/exact"] == pytest.approx(exact, rel=1e-4)
+    assert metrics["loss/policy"] == pytest.approx(0.7 * imitation + exact + surrogate, rel=1e-4)
     target = batch.rewards[:5]
     loss = np.where(np.abs(target) <= 4.0, 0.5 * target**2, 4.0 * (np.abs(target) - 2.0)).mean()
     assert metrics["loss/value"] == pytest.approx(loss, rel=1e-4)
@@ -156,6 +160,8 @@ def test_a_good_waypoint_becomes_more_likely() -> None:
     )
     learner, batch = PpoLearner(setting, CPU), known(5)
     assert batch.labels is not None
+    # Of one family: advantages count from its mean.
+    batch = replace(batch, families=np.zeros(6, dtype=np.uint8))
     batch = replace(batch, labels=replace(batch.labels, cost=np.zeros_like(batch.labels.cost)))
     rewards = np.where(np.arange(6) % 2 == 0, 2.0, -2.0).astype(np.float32)
     before = np.array([p[s] for p, s in zip(chances(learner, batch), chosen(batch), strict=True)])
