@@ -29,7 +29,7 @@ def test_a_recipe_collects_labelled_steps_of_its_task(preset):
 
 
 def test_the_recipe_for_both_tasks_gives_each_half_of_the_steps():
-    collector, delivered = collector_of("both")
+    collector, delivered = collector_of("both", overrides=["families=[]"])
     reports = [collector.collect() for _ in range(6)]
     collector.close()
     steps = {task: sum(r.steps for r in reports if r.task == task) for task in ("exploration", "navigation")}
@@ -40,7 +40,7 @@ def test_the_recipe_for_both_tasks_gives_each_half_of_the_steps():
 
 
 def test_validation_of_both_tasks_has_worlds_of_both():
-    collector, _ = collector_of("both", role="evaluate", overrides=["task.max_steps=2"])
+    collector, _ = collector_of("both", role="evaluate", overrides=["task.max_steps=2", "families=[]"])
     assert [arena.task for arena, _ in collector.worlds] == ["exploration"] * 2 + ["navigation"]
     tasks = [collector.evaluate(index).task for index in range(len(collector.worlds))]
     collector.close()
