@@ -212,8 +212,8 @@ class NetworkConfig(Section):
     sensor, and frontiers by length instead of cells."""
     graph: Literal["full", "reduced", "tokens"] = "full"
     """Nodes that the network reads: all reachable ones; or only those near the robot, useful ones, beacons and the
-    shortest paths to them, about half as many on public maps; or `tokens`, for which useful ones and paths count near
-    the robot alone: a fifth to a quarter of all. The last needs the features `guided`."""
+    shortest paths to them, about half as many on public maps; or `tokens`: the same up to 128 nodes, where there are
+    more, useful ones and paths near the robot alone. The last needs the features `guided`."""
     toward: bool = False
     """Tell the waypoint decoder which waypoints lie on a shortest path to which beacon, as a bias of its logits."""
 

@@ -78,7 +78,7 @@ class GraphArrays:
         )
         if config.graph != "full":
             features = node_features(batch, table, "guided" if config.features == "guided" else "extended")
-            kept = kept_rows(features, neighbours, robot_rows, tokens=config.graph == "tokens")
+            kept = kept_rows(features, neighbours, robot_rows, node_ptr, tokens=config.graph == "tokens")
             place = np.where(kept, np.cumsum(kept) - 1, -1)
             neighbours = renumbered(neighbours, kept, place)
             features = np.ascontiguousarray(features[kept, : feature_count(config.features)])

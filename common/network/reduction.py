@@ -1,9 +1,9 @@
 """Graph reduction: the network reads only the nodes that a decision turns on (RECIPES, "Speed reached").
 
 Kept are the robot's surroundings, all useful viewpoints, all beacons, a target with its links, and every shortest path
-from the robot to a beacon. Of the *tokens*, useful viewpoints are kept only within the sensor's range of the robot, and
-shortest paths only where they begin: beacons and the reference route stand for what is far away, so that the number of
-nodes grows little with the size of the world. Node features are computed before, on the whole graph: distances and
+from the robot to a beacon. Where these are many, *tokens* may stand for them: useful viewpoints only within the sensor's
+range of the robot, and shortest paths only where they begin. Beacons and the reference route stand for what is far away,
+so that the number of nodes grows little with the size of the world. Node features are computed before, on the whole graph: distances and
 degrees stay exact.
 """
 
@@ -17,6 +17,8 @@ from common.jit import njit
 
 SURROUNDINGS = 4.0
 """Nodes within this graph distance of the robot are kept, lattice steps."""
+MOST_NODES = 128
+"""Nodes of an observation of which no more than the tokens stay when there are more."""
 TOKEN_SURROUNDINGS = 2.3
 """Likewise of the tokens: as far as an edge goes."""
 TOKEN_PATHS = 6.0
@@ -32,7 +34,12 @@ _REACH_SCALE = 10.0
 
 
 def kept_rows(
-    features: NDArray[np.float32], neighbours: NDArray[np.int32], robot_rows: NDArray[np.int64], *, tokens: bool = False
+    features: NDArray[np.float32],
+    neighbours: NDArray[np.int32],
+    robot_rows: NDArray[np.int64],
+    node_ptr: NDArray[np.int64],
+    *,
+    tokens: bool = False,
 ) -> NDArray[np.bool_]:
     """Choose the rows that stay.
 
@@ -41,25 +48,30 @@ def kept_rows(
             stay.
         neighbours: shape (nodes, slots), -1 where absent.
         robot_rows: row of each observation's robot, shape (k,).
-        tokens: keep the tokens alone; needs the set ``guided``.
+        node_ptr: first row of each observation, then the number of rows, shape (k + 1,).
+        tokens: where more than `MOST_NODES` of an observation would stay, only its tokens do; needs the set ``guided``.
 
     Returns:
         bool, shape (nodes,); robot, its neighbours, beacons and targets are always among them.
     """
     distance = features[:, _DISTANCE] * _SCALE
     useful, on_path = features[:, _UTILITY] > 0.0, features[:, _ON_PATH] > 0.0
-    if tokens:
-        useful &= distance <= features[:, _REACH] * _REACH_SCALE
-        on_path &= distance <= TOKEN_PATHS
-    near = distance <= (TOKEN_SURROUNDINGS if tokens else SURROUNDINGS)
-    kept = near | useful | on_path | (features[:, _BEACON] > 0.0) | (features[:, _TARGET] > 0.0)
+    always = (features[:, _BEACON] > 0.0) | (features[:, _TARGET] > 0.0)
     if features.shape[1] > _ON_ROUTE:
-        kept |= features[:, _ON_ROUTE] > 0.0
+        always |= features[:, _ON_ROUTE] > 0.0
     for rows in (robot_rows, np.flatnonzero(features[:, _TARGET])):
         around = neighbours[rows]
-        kept[around[around >= 0]] = True
-        kept[rows] = True
-    return kept
+        always[around[around >= 0]] = True
+        always[rows] = True
+    kept: NDArray[np.bool_] = always | useful | on_path | (distance <= SURROUNDINGS)
+    if not tokens:
+        return kept
+    counts = np.add.reduceat(kept, node_ptr[:-1], dtype=np.int64)
+    large = np.repeat(counts > MOST_NODES, np.diff(node_ptr))
+    near = distance <= TOKEN_SURROUNDINGS
+    near |= useful & (distance <= features[:, _REACH] * _REACH_SCALE)
+    near |= on_path & (distance <= TOKEN_PATHS)
+    return np.where(large, always | near, kept)
 
 
 @njit(cache=True, nogil=True)

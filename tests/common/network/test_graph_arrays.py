@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from common.config.schema import NetworkConfig
+from common.network import reduction
 from common.network.graph_arrays import GraphArrays
 from common.observation_index import neighbour_table
 from tests.observations import random_batch
@@ -83,6 +84,11 @@ def test_tokens_keep_what_a_decision_turns_on(seed: int) -> None:
     config = NetworkConfig(features="guided", graph="tokens")
     tokens = GraphArrays.from_observations(batch, config)
     reduced = GraphArrays.from_observations(batch, NetworkConfig(features="guided", graph="reduced"))
+    # Up to a number of nodes the two are one.
+    np.testing.assert_array_equal(tokens.nodes, reduced.nodes)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reduction, "MOST_NODES", 5)
+        tokens = GraphArrays.from_observations(batch, config)
     assert set(tokens.nodes) <= set(reduced.nodes)
     assert {observation.robot, *observation.beacon_nodes(), *observation.waypoint_nodes()} <= set(tokens.nodes)
     assert set(observation.route.astype(int)) <= set(tokens.nodes)
