@@ -1,10 +1,10 @@
 """Graph reduction: the network reads only the nodes that a decision turns on (RECIPES, "Speed reached").
 
 Kept are the robot's surroundings, all useful viewpoints, all beacons, a target with its links, and every shortest path
-from the robot to a beacon. Where these are many, *tokens* may stand for them: useful viewpoints only within the sensor's
-range of the robot, and shortest paths only where they begin. Beacons and the reference route stand for what is far away,
-so that the number of nodes grows little with the size of the world. Node features are computed before, on the whole graph: distances and
-degrees stay exact.
+from the robot to a beacon. Where these are many, *tokens* may stand for them: useful viewpoints only within the range
+of the robot's sensor, and shortest paths only where they begin. Beacons and the reference route stand for what is far
+away, so that the number of nodes grows little with the size of the world. Node features are computed before, on the
+whole graph: distances and degrees stay exact.
 """
 
 from __future__ import annotations
