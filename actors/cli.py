@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import os
 import subprocess
-import sys
 from enum import StrEnum
 from typing import Annotated
 
@@ -23,7 +22,7 @@ from common.errors import ConfigError
 from common.ids import check_id
 from common.logs import setup_logging
 from common.messages.replies import Spec
-from common.runtime import process_environment
+from common.runtime import process_environment, python_module
 
 log = logging.getLogger(__name__)
 
@@ -126,9 +125,7 @@ def main(
         # Once, in one process: a fresh install compiles for a minute, and eight processes would do so all at once.
         log.info("preparing the kernels")
         network = [] if spec is None else [_network(spec)]
-        subprocess.run(
-            [sys.executable, "-m", "actors.warmup", *network], env=process_environment(threads=1), check=True
-        )
+        subprocess.run(python_module("actors.warmup", *network), env=process_environment(threads=1), check=True)
     log.info("starting %d %s for run %r: %s", num, "evaluators" if evaluate else "actors", run_name, ", ".join(names))
     supervisor = Supervisor([ActorOptions.model_validate({**common, "name": each}) for each in names])
     raise typer.Exit(supervisor.run())

@@ -14,7 +14,7 @@ from types import FrameType
 
 from actors.options import ActorOptions
 from actors.process import EXIT_UNUSABLE
-from common.runtime import process_environment
+from common.runtime import process_environment, python_module
 
 log = logging.getLogger(__name__)
 
@@ -42,7 +42,7 @@ class _Child:
         self.lines.clear()
         self.started = time.monotonic()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "actors.process", self.options.model_dump_json()],
+            python_module("actors.process", self.options.model_dump_json()),
             env=process_environment(threads=1),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

@@ -40,6 +40,14 @@ def process_environment(base: Mapping[str, str] | None = None, *, threads: int |
     return environment
 
 
+def python_module(module: str, *arguments: str) -> list[str]:
+    """Return the command that runs a module of this package in a process of its own.
+
+    ``-P`` keeps the current folder off the module path: a user's folder may hold a package called `common`.
+    """
+    return [sys.executable, "-P", "-m", module, *arguments]
+
+
 def restart_prepared() -> None:
     """Replace this process by itself with malloc, OpenMP and Zenoh set up, once; return at once when that is done.
 

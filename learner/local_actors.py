@@ -6,14 +6,13 @@ import logging
 import os
 import re
 import subprocess
-import sys
 import threading
 from collections.abc import Sequence
 
 from common.closing import Closing
 from common.config.schema import BusConfig
 from common.errors import ConfigError
-from common.runtime import process_environment
+from common.runtime import process_environment, python_module
 
 logger = logging.getLogger(__name__)
 actor_log = logging.getLogger("actors")
@@ -54,12 +53,12 @@ class LocalActors(Closing):
                 "local actors (--actors) have no certificates of their own: with TLS start them with `hd-actor` and "
                 "their certificate"
             )
-        command = [sys.executable, "-m", "actors", "--num", str(number), "--connect", local_endpoint(bus.listen)]
+        command = python_module("actors", "--num", str(number), "--connect", local_endpoint(bus.listen))
         command += ["--run", run, "--name", prefix, *options]
         self._number = number
         self._stopping = False
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "common.tethered", str(os.getpid()), *command],
+            python_module("common.tethered", str(os.getpid()), *command),
             env=process_environment(threads=1),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

@@ -6,7 +6,6 @@ import json
 import logging
 import queue
 import subprocess
-import sys
 import threading
 import time
 from collections import deque
@@ -17,7 +16,7 @@ from typing import Any, Self
 from actors.evaluation.episode import Outcome, Place, crashed
 from actors.evaluation.settings import EvaluationSettings
 from common.errors import HDError
-from common.runtime import process_environment
+from common.runtime import process_environment, python_module
 
 log = logging.getLogger(__name__)
 
@@ -65,7 +64,7 @@ class _Worker:
         self._patience = patience(settings.time_limit)
         self._events = events
         self.process = subprocess.Popen(
-            [sys.executable, "-m", module, settings.model_dump_json()],
+            python_module(module, settings.model_dump_json()),
             env=process_environment(threads=1),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

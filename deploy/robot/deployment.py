@@ -8,7 +8,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -17,7 +16,7 @@ from typing import Any
 from common.closing import Closing
 from common.errors import HDError
 from common.planners.base import Position
-from common.runtime import process_environment
+from common.runtime import process_environment, python_module
 from deploy.config import DeployConfig
 from deploy.robot.interface import TRUTH_TOPIC
 from deploy.robot.simulation import Grid
@@ -156,10 +155,10 @@ class Deployment(Closing):
                 process.wait()
 
     def _start(self, name: str, options: Sequence[str]) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-m", "deploy.cli", name, *options]
+        command = python_module("deploy.cli", name, *options)
         with self._log(name).open("w", encoding="utf-8") as log:
             return subprocess.Popen(
-                [sys.executable, "-m", "common.tethered", str(os.getpid()), *command],
+                python_module("common.tethered", str(os.getpid()), *command),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,

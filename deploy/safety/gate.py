@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import subprocess
-import sys
 import threading
 import time
 from dataclasses import replace
@@ -12,6 +11,7 @@ from typing import Any, Final
 
 from common.closing import Closing
 from common.errors import ConfigError, HDError
+from common.runtime import python_module
 from deploy.config import DeployConfig
 from deploy.network_config import RosConfig
 from deploy.ros2 import Node
@@ -151,7 +151,7 @@ class VelocityGate(Closing):
         with theirs:
             # A session of its own: what a terminal or a shell sends to the bridge's group does not reach it.
             process = subprocess.Popen(
-                [sys.executable, "-m", "deploy.safety.watchdog", str(theirs.fileno())],
+                python_module("deploy.safety.watchdog", str(theirs.fileno())),
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,

@@ -4,7 +4,9 @@ import os
 import subprocess
 import sys
 
-from common.runtime import MALLOC_SETTINGS, cores_left, process_environment
+import pytest
+
+from common.runtime import MALLOC_SETTINGS, cores_left, process_environment, python_module
 
 
 def test_the_users_own_values_win():
@@ -32,3 +34,12 @@ def test_a_command_restarts_itself_once_and_keeps_its_arguments():
         [sys.executable, "-c", code, "a b", "--c"], capture_output=True, text=True, check=True, env=environment
     )
     assert done.stdout.split("\n")[0] == f"{MALLOC_SETTINGS['MALLOC_TRIM_THRESHOLD_']} ['a b', '--c']"
+
+
+@pytest.mark.parametrize("package", ["common", "actors", "learner", "deploy"])
+def test_a_folder_with_packages_of_our_names_does_not_hide_ours(tmp_path, package):
+    (tmp_path / package).mkdir()
+    (tmp_path / package / "__init__.py").write_text("raise SystemExit('foreign code')")
+    command = python_module("common.tethered", str(os.getpid()), *python_module(package, "--help"))
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    assert "foreign code" not in run.stderr
