@@ -407,7 +407,7 @@ class Mapper:
         config = self._config
         self._generation = self.belief.generation
         self._origin = np.array(self.belief.origin)
-        self._frontiers = Frontiers(self.belief)
+        self._frontiers = Frontiers(self.belief, config.robot_radius)
         self._graph = ViewpointGraph(
             self.belief, self._lattice_origin, config.viewpoint_spacing, config.robot_radius, previous
         )
