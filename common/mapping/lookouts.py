@@ -28,6 +28,7 @@ def find_lookouts(
     frontiers: NDArray[np.int32],
     reach: int,
     been_reach: int,
+    everywhere: bool,
     lookouts: NDArray[np.int64],
 ) -> None:
     """Find for each piece the clear cell nearest to one of the frontiers beside it, where the robot has not been.
@@ -40,6 +41,7 @@ def find_lookouts(
         frontiers: cells, flat, int32.
         reach: a frontier lies beside clear space up to so many cells away, in line of sight.
         been_reach: so many cells around a place where the robot has been, another look shows nothing new.
+        everywhere: pieces where the robot has not been move as well.
         lookouts: receives x and y of each piece's place, subcells, int64, shape (pieces, 2); -1 where there is none.
     """
     width = cells.width
@@ -59,12 +61,14 @@ def find_lookouts(
                     best, best_far = r * width + c, far
         if best < 0:
             continue
+        piece = piece_at(pieces, first_of, cells, layout, best)
+        if not (everywhere or pieces[piece].visited):
+            continue
         row, column = best // width, best % width
         been = False
         for r in range(max(row - been_reach, 1), min(row + been_reach, height - 2) + 1):
             for c in range(max(column - been_reach, 1), min(column + been_reach, width - 2) + 1):
                 been |= cells.been[r * width + c]
-        piece = piece_at(pieces, first_of, cells, layout, best)
         # The nearest of all, then the first cell: the order of the frontiers plays no part.
         key = best_far * len(cells.clear) + best
         if not been and key < nearest[piece]:

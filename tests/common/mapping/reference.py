@@ -176,12 +176,41 @@ class ReferenceMapper:
     # -------------------------------------------------------------------------------------------------- clear space
 
     def frontiers(self) -> list[Cell]:
-        return sorted(
+        """Free cells beside the unknown, for a robot with a radius those near a passage alone."""
+        edge = sorted(
             (row, column)
             for (row, column), value in self.cells.items()
             if value == FREE
             and sum((row + up, column + right) not in self.cells for up in (-1, 0, 1) for right in (-1, 0, 1)) >= 2
         )
+        if self.config.robot_radius == 0.0:
+            return edge
+        disc = self.disc(0.5)
+        passages = {cell for cell in self.cells if self._passage(cell, disc)}
+        return [
+            (row, column) for row, column in edge if any((row + up, column + right) in passages for up, right in disc)
+        ]
+
+    def _passage(self, cell: Cell, disc: list[Cell]) -> bool:
+        """Whether a robot could drive from a free cell into an unknown one beside it, by the walls that are known."""
+
+        def fits(row: int, column: int) -> bool:
+            return all(self.cells.get((row + up, column + right)) != OCCUPIED for up, right in disc)
+
+        row, column = cell
+        beside = [(row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)]
+        return self.free(cell) and fits(*cell) and any(near not in self.cells and fits(*near) for near in beside)
+
+    def disc(self, inside: float) -> list[Cell]:
+        """Offsets of the cells that are nearer than the robot's radius, and of the cell itself; see `clear_cells`."""
+        radius = self.config.robot_radius / self.config.resolution
+        span = range(-ceil(radius) - 1, ceil(radius) + 2)
+        return [
+            (up, right)
+            for up in span
+            for right in span
+            if (up, right) == (0, 0) or hypot(max(abs(up) - inside, 0), max(abs(right) - inside, 0)) < radius - 1e-9
+        ]
 
     def clear_cells(self, inside: float) -> set[Cell]:
         """Free cells that no cell that is not free comes nearer to than the radius.
@@ -189,14 +218,7 @@ class ReferenceMapper:
         Distances are those to the nearest point of the other cell: from the middle when ``inside`` is 0.5, from the
         nearest point of the cell itself when it is 1.
         """
-        radius = self.config.robot_radius / self.config.resolution
-        span = range(-ceil(radius) - 1, ceil(radius) + 2)
-        near = [
-            (up, right)
-            for up in span
-            for right in span
-            if (up, right) == (0, 0) or hypot(max(abs(up) - inside, 0), max(abs(right) - inside, 0)) < radius - 1e-9
-        ]
+        near = self.disc(inside)
         return {
             (row, column)
             for (row, column), value in self.cells.items()
@@ -351,14 +373,14 @@ class ReferenceMapper:
         cell = self.cell_for(point)
         return None if cell is None else self.piece_at[cell]
 
-    def _move_to_lookouts(self) -> None:
+    def _move_to_lookouts(self, frontiers: list[Cell], pieces: list[Piece]) -> None:
         """Let the viewpoint of each piece stand at the clear cell that is nearest to a frontier, unless that is known.
 
         A frontier belongs to the nearest clear cell that sees it.
         """
         reach, known = self.clear_reach, max(round(0.3 / self.config.resolution), 1)
         nearest: dict[Piece, tuple[int, Cell]] = {}
-        for frontier in self.all_frontiers:
+        for frontier in frontiers:
             row, column = frontier
             near = [
                 (up**2 + right**2, (row + up, column + right))
@@ -373,6 +395,8 @@ class ReferenceMapper:
             if any(max(abs(best[1][k] - cell[k]) for k in (0, 1)) <= known for cell in self.been):
                 continue
             piece = self.piece_at[best[1]]
+            if piece not in pieces:
+                continue
             nearest[piece] = min(nearest.get(piece, best), best)
         for piece, (_, cell) in nearest.items():
             piece.place, piece.lookout = middle(cell), True
@@ -386,6 +410,7 @@ class ReferenceMapper:
         self.all_frontiers = self.frontiers()
         self.pieces = self._find_pieces()
         here = self.point(pose.position)
+        usual = {piece: piece.place for piece in self.pieces}
         self.robot = self.piece_of(here)
         if self.robot is not None and (
             not self.robot.visited and self.distance(self.robot.place, here) <= self.config.viewpoint_spacing / 2 + 1e-9
@@ -401,13 +426,30 @@ class ReferenceMapper:
         if self.robot is None:
             return
         self._connect()
+        if self.config.robot_radius > 0.0:
+            # Pieces where the robot has been look past corners that nobody else will show.
+            if self.robot.visited:
+                self.been.add(self.cell_for(here))
+            reach = self.config.observable_range
+            new = [piece.place for piece in self.nodes if not piece.visited]
+            overlooked = [
+                cell
+                for cell in self.all_frontiers
+                if not any(self.within(place, middle(cell), reach) and self.sees(place, middle(cell)) for place in new)
+            ]
+            self._move_to_lookouts(overlooked, [piece for piece in self.viewpoints if piece.visited])
+            self._count()
+            self._connect()
         self.nothing_left = not any(
-            self.counts[piece] >= self.config.least_utility and not piece.visited for piece in self.nodes
+            self.counts[piece] >= self.config.least_utility and (not piece.visited or piece.lookout)
+            for piece in self.nodes
         )
         if self.nothing_left:
             self.been.add(self.cell_for(here))
             self.robot.visited = True
-            self._move_to_lookouts()
+            for piece in self.pieces:
+                piece.place, piece.lookout = usual[piece], False
+            self._move_to_lookouts(self.all_frontiers, self.pieces)
             self.viewpoints = self.pieces
             self._count()
             self._connect()
