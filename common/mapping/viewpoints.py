@@ -259,7 +259,8 @@ class ViewpointGraph:
             frontiers: frontier cells, flat, int32, beside which viewpoints move to lookouts; those of pieces where the
                 robot has been, unless `everywhere`. All others go back to their usual places, unless they `stay`.
             everywhere: nothing else is left to look at: no piece waits for its lattice point.
-            stay: viewpoints at lookouts stay there if the robot has been in their pieces; where the robot is in a piece where it has been, it has been.
+            stay: viewpoints at lookouts stay there where the robot has been in their pieces, and where it stands in
+                such a piece it has looked around.
         """
         cells, layout = self.cells, self.layout
         self._release()
