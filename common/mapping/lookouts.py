@@ -89,6 +89,7 @@ def find_lookouts(
     remains: Remains,
     reach: int,
     been_reach: int,
+    everywhere: bool,
     lookouts: NDArray[np.int64],
 ) -> None:
     """Find for each piece the clear cell nearest to one of the frontiers beside it, where the robot has not been.
@@ -106,6 +107,7 @@ def find_lookouts(
         reach: a frontier lies beside clear space up to so many cells away, in line of sight.
         been_reach: so many cells around a place where the robot has been, and in sight of it, another look shows
             nothing new.
+        everywhere: pieces where the robot has not been move as well.
         lookouts: receives x and y of each piece's place, subcells, int64, shape (pieces, 2); -1 where there is none.
     """
     width = cells.width
@@ -131,7 +133,7 @@ def find_lookouts(
                 piece = piece_at(pieces, first_of, cells, layout, cell)
                 # The nearest of all, then the first cell: the order of the frontiers plays no part.
                 key = ((r - row) ** 2 + (c - column) ** 2) * len(cells.clear) + cell
-                if piece < 0 or key >= nearest[piece]:
+                if piece < 0 or key >= nearest[piece] or not (everywhere or pieces[piece].visited):
                     continue
                 if (
                     blocker(cells.belief, width, x, y, _middle(c), _middle(r)) == CLEAR

@@ -210,6 +210,33 @@ def _sightings(
     return pointer, seen
 
 
+@njit(cache=True, nogil=True)
+def _overlooked(
+    frontiers: NDArray[np.int32],
+    numbers: NDArray[np.int32],
+    pieces: Any,
+    slots: NDArray[np.int32],
+    pair_count: NDArray[np.int32],
+    pair_piece: NDArray[np.int32],
+    pair_state: NDArray[np.int32],
+) -> NDArray[np.int32]:
+    """Return the frontiers that no viewpoint shows; see `FrontierUtility.overlooked`."""
+    found = np.empty(len(frontiers), dtype=np.int32)
+    size = 0
+    for frontier in frontiers:
+        slot = slots[frontier]
+        shown = False
+        for k in range(pair_count[slot]):
+            piece = pair_piece[slot, k]
+            if pair_state[slot, k] == IN_SIGHT and numbers[piece] >= 0 and not pieces[piece].visited:
+                shown = True
+                break
+        if not shown:
+            found[size] = frontier
+            size += 1
+    return found[:size]
+
+
 class FrontierUtility:
     """How many frontiers each viewpoint observes, for one generation of the belief.
 
@@ -281,6 +308,18 @@ class FrontierUtility:
             frontiers, numbers, nodes, self.counts, self._slots, self._pair_count, self._pair_piece, self._pair_state
         )
         return pointer, seen
+
+    def overlooked(self, frontiers: NDArray[np.int32], numbers: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Return the frontiers that no node observes where the robot has not been.
+
+        Args:
+            frontiers: flat cells of the padded grid, all of them frontiers, int32, shape (m,).
+            numbers: node number of each piece, -1 without one, int32.
+        """
+        found: NDArray[np.int32] = _overlooked(
+            frontiers, numbers, self._graph.pieces, self._slots, self._pair_count, self._pair_piece, self._pair_state
+        )
+        return found
 
     def _reserve(self, slots: int) -> None:
         graph = self._graph

@@ -55,6 +55,7 @@ def _renew_viewpoints(
     clear_reach: int,
     visit_reach: int,
     everywhere: bool,
+    stay: bool,
     remains: Remains,
     been_reach: int,
     pairs: Pairs,
@@ -78,12 +79,13 @@ def _renew_viewpoints(
     fresh = np.empty(used, dtype=np.int32)
     ended = np.empty(used + gone_count, dtype=np.int32)
     lookouts = np.full((used, 2), NOWHERE, dtype=np.int64)
-    if everywhere and here >= 0:
+    if here >= 0 and (everywhere or (stay and pieces[here].visited)):
         cells.been[cell_for(cells, robot[0], robot[1], clear_reach)] = True
         pieces[here].visited = True
-        find_lookouts(cells, layout, pieces, first_of, remains, clear_reach, been_reach, lookouts)
+    if here >= 0 and len(remains.frontiers):
+        find_lookouts(cells, layout, pieces, first_of, remains, clear_reach, been_reach, everywhere, lookouts)
     fresh_count, ended_count = choose(
-        cells, layout, pieces, used, touch_count, touched, here, everywhere, lookouts, margin, fresh, ended
+        cells, layout, pieces, used, touch_count, touched, here, everywhere, lookouts, stay, margin, fresh, ended
     )
     for k in range(gone_count):
         if pieces[gone[k]].exists:
@@ -239,15 +241,27 @@ class ViewpointGraph:
         """All possible edges, connected with the robot or not, as `candidates` and `touches` keep them."""
         return self._pairs, self._touches
 
-    def update(self, changed: Box | None, lost: Box, robot: tuple[int, int], *, remains: Remains | None = None) -> None:
+    def update(
+        self,
+        changed: Box | None,
+        lost: Box,
+        robot: tuple[int, int],
+        *,
+        remains: Remains = _NOTHING_REMAINS,
+        everywhere: bool = False,
+        stay: bool = False,
+    ) -> None:
         """Bring clear space, pieces, viewpoints and edges up to date.
 
         Args:
             changed: box of all cells of the belief that changed, whose squares `dirty` names; None for none.
             lost: box of those that are free no more; its second number is -1 when there are none.
             robot: where the robot stands, subcells.
-            remains: what frontiers there are, when nothing else is left to look at: then no piece waits for its lattice
-                point, and viewpoints move to lookouts. None otherwise.
+            remains: the frontiers beside which viewpoints move to lookouts; those of pieces where the robot has been,
+                unless `everywhere`. All others go back to their usual places, unless they `stay`.
+            everywhere: nothing else is left to look at: no piece waits for its lattice point.
+            stay: viewpoints at lookouts stay there where the robot has been in their pieces, and where it stands in
+                such a piece it has looked around.
         """
         cells, layout = self.cells, self.layout
         self._release()
@@ -261,8 +275,8 @@ class ViewpointGraph:
                 self._reserve(self.used + max(self.used, total))
         self._free_count, self._gone, self.robot, self.fresh, self.ended, most = _renew_viewpoints(
             cells, layout, self.pieces, self.first_of, changed is not None, self.dirty, self._counts, self._free,
-            self._free_count, self._margin, robot, self._clear_reach, self._visit_reach, remains is not None,
-            remains or _NOTHING_REMAINS, self._been_reach, self._pairs, self._touches,
+            self._free_count, self._margin, robot, self._clear_reach, self._visit_reach, everywhere, stay,
+            remains, self._been_reach, self._pairs, self._touches,
         )  # fmt: skip
         self._reserve_pairs(most)
         self.changed = _renew_edges(
