@@ -123,9 +123,9 @@ class Mapper:
             return
         self._order, self._numbers, self._edges = self._graph.reachable()
         if thorough:
-            self._look_around(self._utility.overlooked(self._frontier_cells(), self._numbers), robot)
+            self._look_around(self._utility.overlooked(self._numbers), robot)
         if not anything_left(self._order, self._graph.pieces, self._utility.counts, self._config.least_utility):
-            self._look_around(self._frontier_cells(), robot, everywhere=True)
+            self._look_around(self._utility.frontiers, robot, everywhere=True)
         self._plan()
 
     def observe(self) -> Observation:
@@ -418,9 +418,6 @@ class Mapper:
         self._frame = Frame(
             *self._lattice_origin, *self._graph.first, config.viewpoint_spacing, *self.belief.origin, config.resolution
         )
-
-    def _frontier_cells(self) -> NDArray[np.int32]:
-        return np.flatnonzero(self._frontiers.padded_mask).astype(np.int32)
 
     def _look_around(self, frontiers: NDArray[np.int32], robot: tuple[int, int], *, everywhere: bool = False) -> None:
         """Move viewpoints to lookouts beside frontiers, see `ViewpointGraph.update`, and all others back."""

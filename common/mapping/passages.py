@@ -55,16 +55,18 @@ def update_passages(
     top, bottom = max(changed[0] - reach, 1), min(changed[1] + reach, height - 2)
     left, right = max(changed[2] - reach, 1), min(changed[3] + reach, width - 2)
     for row in range(top, bottom + 1):
+        below, here, above = cells[row - 1], cells[row], cells[row + 1]
         for column in range(left, right + 1):
-            found = False
-            if cells[row, column] == FREE:
-                for side in range(4):
-                    r = row + (side == 0) - (side == 1)
-                    c = column + (side == 2) - (side == 3)
-                    if cells[r, c] < 0 and would_fit(cells, r, c, spans) and would_fit(cells, row, column, spans):
-                        found = True
-                        break
-            passages[row, column] = found
+            passages[row, column] = False
+            # Hardly any cell lies at the edge of what is known: the sign of the least one tells.
+            if here[column] != FREE or min(below[column], here[column - 1], here[column + 1], above[column]) >= 0:
+                continue
+            if not would_fit(cells, row, column, spans):
+                continue
+            for r, c in ((row - 1, column), (row, column - 1), (row, column + 1), (row + 1, column)):
+                if cells[r, c] < 0 and would_fit(cells, r, c, spans):
+                    passages[row, column] = True
+                    break
     return top, bottom, left, right
 
 

@@ -212,27 +212,28 @@ def _sightings(
 
 @njit(cache=True, nogil=True)
 def _overlooked(
-    frontiers: NDArray[np.int32],
     numbers: NDArray[np.int32],
     pieces: Any,
-    slots: NDArray[np.int32],
+    slot_cell: NDArray[np.int32],
     pair_count: NDArray[np.int32],
     pair_piece: NDArray[np.int32],
     pair_state: NDArray[np.int32],
+    used: int,
 ) -> NDArray[np.int32]:
     """Return the frontiers that no viewpoint shows; see `FrontierUtility.overlooked`."""
-    found = np.empty(len(frontiers), dtype=np.int32)
+    shows = np.zeros(len(pieces), dtype=np.bool_)
+    for piece in range(len(pieces)):
+        shows[piece] = numbers[piece] >= 0 and not pieces[piece].visited
+    found = np.empty(used, dtype=np.int32)
     size = 0
-    for frontier in frontiers:
-        slot = slots[frontier]
+    for slot in range(used):
         shown = False
         for k in range(pair_count[slot]):
-            piece = pair_piece[slot, k]
-            if pair_state[slot, k] == IN_SIGHT and numbers[piece] >= 0 and not pieces[piece].visited:
+            if pair_state[slot, k] == IN_SIGHT and shows[pair_piece[slot, k]]:
                 shown = True
                 break
         if not shown:
-            found[size] = frontier
+            found[size] = slot_cell[slot]
             size += 1
     return found[:size]
 
@@ -309,17 +310,22 @@ class FrontierUtility:
         )
         return pointer, seen
 
-    def overlooked(self, frontiers: NDArray[np.int32], numbers: NDArray[np.int32]) -> NDArray[np.int32]:
-        """Return the frontiers that no node observes where the robot has not been.
+    def overlooked(self, numbers: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Return the frontiers that no node observes where the robot has not been, flat, int32, in no order.
 
         Args:
-            frontiers: flat cells of the padded grid, all of them frontiers, int32, shape (m,).
             numbers: node number of each piece, -1 without one, int32.
         """
         found: NDArray[np.int32] = _overlooked(
-            frontiers, numbers, self._graph.pieces, self._slots, self._pair_count, self._pair_piece, self._pair_state
-        )
+            numbers, self._graph.pieces, self._slot_cell, self._pair_count, self._pair_piece, self._pair_state,
+            self._used,
+        )  # fmt: skip
         return found
+
+    @property
+    def frontiers(self) -> NDArray[np.int32]:
+        """All frontiers of the last update, flat cells of the padded grid, int32, in no order."""
+        return self._slot_cell[: self._used]
 
     def _reserve(self, slots: int) -> None:
         graph = self._graph

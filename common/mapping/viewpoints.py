@@ -17,7 +17,7 @@ from common.mapping.adjacency import Adjacency, reach
 from common.mapping.candidates import forget_pairs, list_pairs, most_pairs, update_pairs
 from common.mapping.cell_grid import AnchoredGrid
 from common.mapping.clearance import Clearance
-from common.mapping.lookouts import Remains, find_lookouts
+from common.mapping.lookouts import Remains, find_lookouts, nearest_first
 from common.mapping.pieces import NOWHERE, PIECE, Cells
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS, cell_middle
 from common.mapping.settling import choose, label_dirty, settle
@@ -57,6 +57,7 @@ def _renew_viewpoints(
     everywhere: bool,
     stay: bool,
     remains: Remains,
+    around: NDArray[np.int32],
     been_reach: int,
     pairs: Pairs,
     touches: Touches,
@@ -83,7 +84,7 @@ def _renew_viewpoints(
         cells.been[cell_for(cells, robot[0], robot[1], clear_reach)] = True
         pieces[here].visited = True
     if here >= 0 and len(remains.frontiers):
-        find_lookouts(cells, layout, pieces, first_of, remains, clear_reach, been_reach, everywhere, lookouts)
+        find_lookouts(cells, layout, pieces, first_of, remains, around, been_reach, everywhere, lookouts)
     fresh_count, ended_count = choose(
         cells, layout, pieces, used, touch_count, touched, here, everywhere, lookouts, stay, margin, fresh, ended
     )
@@ -213,6 +214,7 @@ class ViewpointGraph:
         # The robot is at its viewpoint within half a spacing.
         self._visit_reach = round(spacing / belief.resolution * SUBCELLS) // 2
         self._clear_reach = ceil((radius + MARGIN_REACH) / belief.resolution)
+        self._around = nearest_first(self._clear_reach)
         # One subcell of rounding at either end must not cut off a viewpoint that is exactly as far as edges reach.
         self.edge_reach = int(LONGEST_EDGE * spacing / belief.resolution * SUBCELLS) + 2
         side = int(max(np.diff(self.layout.row_begin).max(initial=1), np.diff(self.layout.column_begin).max(initial=1)))
@@ -276,7 +278,7 @@ class ViewpointGraph:
         self._free_count, self._gone, self.robot, self.fresh, self.ended, most = _renew_viewpoints(
             cells, layout, self.pieces, self.first_of, changed is not None, self.dirty, self._counts, self._free,
             self._free_count, self._margin, robot, self._clear_reach, self._visit_reach, everywhere, stay,
-            remains, self._been_reach, self._pairs, self._touches,
+            remains, self._around, self._been_reach, self._pairs, self._touches,
         )  # fmt: skip
         self._reserve_pairs(most)
         self.changed = _renew_edges(
