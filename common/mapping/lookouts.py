@@ -92,9 +92,7 @@ def nearest_first(reach: int) -> NDArray[np.int32]:
 
 
 @njit(cache=True, nogil=True)
-def _visited_near(
-    pieces: Any, first_of: NDArray[np.int32], layout: Layout, row: int, column: int, reach: int
-) -> bool:
+def _visited_near(pieces: Any, first_of: NDArray[np.int32], layout: Layout, row: int, column: int, reach: int) -> bool:
     """Whether the robot has been in a piece of a square that holds cells so near to a cell."""
     rows, columns = len(layout.row_of), len(layout.column_of)
     top, left = layout.row_of[max(row - reach, 0)], layout.column_of[max(column - reach, 0)]

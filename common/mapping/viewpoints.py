@@ -80,6 +80,8 @@ def _renew_viewpoints(
     fresh = np.empty(used, dtype=np.int32)
     ended = np.empty(used + gone_count, dtype=np.int32)
     lookouts = np.full((used, 2), NOWHERE, dtype=np.int64)
+    # A robot outside of all pieces looks for no lookouts, and so none stays either.
+    stay = stay and here >= 0
     if here >= 0 and (everywhere or (stay and pieces[here].visited)):
         cells.been[cell_for(cells, robot[0], robot[1], clear_reach)] = True
         pieces[here].visited = True
@@ -151,7 +153,8 @@ class ViewpointGraph:
     piece waits for its lattice point while its square is partly unknown and no wall was seen in it, as long as the
     robot has not been next door: from there it would have seen the lattice point, if there were a way to it. Once
     nothing else is left to look at, no piece waits, and viewpoints move to where frontiers beside their pieces can be
-    seen from near (`common.mapping.lookouts`).
+    seen from near (`common.mapping.lookouts`); `Mapper` lets those of a robot with a radius move early, where the robot
+    has been in their pieces.
 
     Attributes:
         layout: the squares.
