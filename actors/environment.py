@@ -23,8 +23,8 @@ from common.mapping.viewpoints import LONGEST_EDGE
 from common.messages.experience import End
 from common.observation import Observation
 from common.planners.base import Position, TaskName
-from common.planners.lattice import TOLERANCE
 from common.planners.reference import ReferenceRoute
+from common.planners.viewpoint_planner import TOLERANCE
 
 # Nearer to its viewpoint than this, metres, the robot counts as standing on it.
 ON_VIEWPOINT = 0.3

@@ -23,7 +23,7 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Plan, Position, Status, TaskName
-from common.planners.lattice import TOLERANCE
+from common.planners.viewpoint_planner import TOLERANCE
 from common.tours import cover
 from common.tours.sighting import Visibility
 

@@ -15,7 +15,7 @@ from common.config.schema import MappingConfig
 from common.jit import njit
 from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Position
-from common.planners.lattice import TOLERANCE
+from common.planners.viewpoint_planner import TOLERANCE
 
 
 @njit(cache=True, nogil=True)

@@ -14,7 +14,7 @@ from common.config.schema import MappingConfig
 from common.errors import HDError
 from common.geometry import Pose
 from common.observation import Observation
-from common.planners.lattice import ON_VIEWPOINT
+from common.planners.viewpoint_planner import ON_VIEWPOINT
 from common.tours import cover
 from common.tours.local_search import tour_length
 from common.tours.prices import price_choices

@@ -192,7 +192,7 @@ class Clearance:
         """
         self._point = radius <= 0.0
         cells = radius / belief.resolution
-        self._tight, self._clear = _spans(cells, 0.5), _spans(cells, 1.0)
+        self._tight, self._clear = near_spans(cells, 0.5), near_spans(cells, 1.0)
         self.grid = belief.padded if self._point else np.full(belief.padded.shape, BLOCKED, dtype=np.int8)
 
     def update(
@@ -228,7 +228,7 @@ class Clearance:
         return self.update(cells, changed, lost, undivided(*cells.shape), nobody[0], nobody[1])
 
 
-def _spans(radius: float, inside: float) -> NDArray[np.int16]:
+def near_spans(radius: float, inside: float) -> NDArray[np.int16]:
     """Return, for each row offset, the farthest column offset of a cell that is nearer than a radius; -1 for none.
 
     Args:

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from common.jit import njit
 from common.mapping.belief import Belief
+from common.mapping.clearance import near_spans
+from common.mapping.passages import any_near, update_passages
 from common.mapping.sight import FREE, UNKNOWN, Box
 from common.mapping.squares import Layout, mark
 
@@ -22,6 +24,8 @@ def _find_changes(
     cells: NDArray[np.int8],
     settled: NDArray[np.int8],
     mask: NDArray[np.bool_],
+    passages: NDArray[np.bool_],
+    spans: NDArray[np.int16],
     row_low: int,
     row_high: int,
     column_low: int,
@@ -35,12 +39,14 @@ def _find_changes(
     """Find the frontiers that came and went, and the cells that are free no more.
 
     A frontier is a free cell with at least `MIN_UNKNOWN` unknown cells among its eight neighbours, those outside the
-    grid included.
+    grid included, and with a passage nearer than the robot's radius, where it has one.
 
     Args:
         cells: padded grid, int8, shape (height, width).
         settled: the padded grid at the last update, same shape; brought up to date.
         mask: cells that are frontiers, bool, shape (height, width); brought up to date.
+        passages: see `update_passages`, same shape; brought up to date. Without cells for a robot without a radius.
+        spans: the robot's disc, see `near_spans`.
         row_low: first row of the box of changes in the padded grid.
         row_high: its last row.
         column_low: its first column.
@@ -72,16 +78,23 @@ def _find_changes(
                 marked = column
         if marked >= 0:
             mark(layout, row, marked, dirty, beside)
-    first, last = max(column_low - 1, 1), min(column_high + 1, width - 2)
+    box = (row_low, row_high, column_low, column_high)
+    margin = 1
+    if len(passages):
+        box = update_passages(cells, passages, spans, box)
+        margin = len(spans) // 2
+    first, last = max(box[2] - margin, 1), min(box[3] + margin, width - 2)
     new = 0
     gone = 0
-    for row in range(max(row_low - 1, 1), min(row_high + 1, height - 2) + 1):
+    for row in range(max(box[0] - margin, 1), min(box[1] + margin, height - 2) + 1):
         below, here, above = cells[row - 1], cells[row], cells[row + 1]
         left = (below[first - 1] < 0) + (here[first - 1] < 0) + (above[first - 1] < 0)
         middle = (below[first] < 0) + (here[first] < 0) + (above[first] < 0)
         for column in range(first, last + 1):
             right = (below[column + 1] < 0) + (here[column + 1] < 0) + (above[column + 1] < 0)
             frontier = here[column] == FREE and left + middle + right >= MIN_UNKNOWN
+            if frontier and len(passages):
+                frontier = any_near(passages, row, column, spans)
             if frontier != mask[row, column]:
                 mask[row, column] = frontier
                 if frontier:
@@ -113,11 +126,21 @@ class Frontiers:
     """The frontiers of one generation of the belief.
 
     A frontier is a free cell with at least two unknown cells among its eight neighbours: a single unknown cell, as
-    it stays behind when two walls meet in a corner that no beam ever enters, is nothing to explore.
+    it stays behind when two walls meet in a corner that no beam ever enters, is nothing to explore. For a robot with a
+    radius there must be a passage nearer than that (`common.mapping.passages`): whatever it can get to and has not
+    seen lies behind one, while holes that beams leave in walls, and slivers behind posts, are nothing to go for.
     """
 
-    def __init__(self, belief: Belief) -> None:
+    def __init__(self, belief: Belief, radius: float = 0.0) -> None:
+        """Begin with none.
+
+        Args:
+            belief: its grid as it is allocated now.
+            radius: of the robot, metres, 0 allowed.
+        """
         padded = belief.padded
+        self._passages = np.zeros(padded.shape if radius > 0.0 else (0, 0), dtype=np.bool_)
+        self._spans = near_spans(radius / belief.resolution, 0.5)
         self._settled = np.full(padded.shape, UNKNOWN, dtype=np.int8)
         self._mask = np.zeros(padded.shape, dtype=np.bool_)
         self._added = np.empty(padded.size, dtype=np.int32)
@@ -151,6 +174,7 @@ class Frontiers:
             beside: likewise those with such a cell in their margin.
         """
         added, removed, *lost = _find_changes(
-            padded, self._settled, self._mask, *changed, self._added, self._removed, layout, dirty, beside
+            padded, self._settled, self._mask, self._passages, self._spans, *changed, self._added, self._removed,
+            layout, dirty, beside,
         )  # fmt: skip
         return FrontierChanges(self._added[:added], self._removed[:removed], (lost[0], lost[1], lost[2], lost[3]))

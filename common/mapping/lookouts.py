@@ -1,7 +1,8 @@
 """Lookouts: places near frontiers that no viewpoint at its usual place shows.
 
 One viewpoint stands for a whole piece, so what can be seen from elsewhere in the piece alone, such as from a doorway at
-its end, stays unseen. Once nothing else is left, the viewpoint of such a piece moves there.
+its end, stays unseen. Once nothing else is left, the viewpoint of such a piece moves there; that of a robot with a
+radius does so early, as soon as the robot has been in the piece, where no other viewpoint would show the same.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ class Remains(NamedTuple):
     """What is left to look at, and what makes a place worth a look.
 
     Attributes:
-        frontiers: all frontier cells, flat, int32.
+        frontiers: frontier cells, flat, int32: all of them, or those that nothing else will show.
         range: a place observes frontiers up to so far away, subcells.
         least: a place that observes fewer is no lookout.
     """
@@ -80,6 +81,46 @@ def _has_been(cells: Cells, row: int, column: int, reach: int) -> bool:
     return False
 
 
+def nearest_first(reach: int) -> NDArray[np.int32]:
+    """Return the offsets of all cells up to so many rows and columns away, nearest first, then row-major.
+
+    Returns:
+        Rows and columns, int32, shape ((2 reach + 1)^2, 2); the last is (reach, reach).
+    """
+    offsets = np.indices((2 * reach + 1,) * 2, dtype=np.int32).reshape(2, -1).T - np.int32(reach)
+    return np.ascontiguousarray(offsets[np.argsort((offsets**2).sum(axis=1), kind="stable")])
+
+
+@njit(cache=True, nogil=True)
+def _visited_near(pieces: Any, first_of: NDArray[np.int32], layout: Layout, row: int, column: int, reach: int) -> bool:
+    """Whether the robot has been in a piece of a square that holds cells so near to a cell."""
+    rows, columns = len(layout.row_of), len(layout.column_of)
+    top, left = layout.row_of[max(row - reach, 0)], layout.column_of[max(column - reach, 0)]
+    bottom, right = layout.row_of[min(row + reach, rows - 1)], layout.column_of[min(column + reach, columns - 1)]
+    for j in range(top, bottom + 1):
+        for i in range(left, right + 1):
+            piece = first_of[j * len(layout.x) + i]
+            while piece >= 0:
+                if pieces[piece].visited:
+                    return True
+                piece = pieces[piece].next
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _nearest_clear(cells: Cells, row: int, column: int, around: NDArray[np.int32]) -> int:
+    """Return the first clear cell that a cell sees in the order of the offsets, flat; -1 for none."""
+    width = cells.width
+    height = len(cells.clear) // width
+    for k in range(len(around)):
+        r, c = row + around[k, 0], column + around[k, 1]
+        if not (1 <= r < height - 1 and 1 <= c < width - 1) or not passable(cells.clear[r * width + c]):
+            continue
+        if blocker(cells.belief, width, _middle(column), _middle(row), _middle(c), _middle(r)) == CLEAR:
+            return r * width + c
+    return -1
+
+
 @njit(cache=True, nogil=True)
 def find_lookouts(
     cells: Cells,
@@ -87,8 +128,9 @@ def find_lookouts(
     pieces: Any,
     first_of: NDArray[np.int32],
     remains: Remains,
-    reach: int,
+    around: NDArray[np.int32],
     been_reach: int,
+    everywhere: bool,
     lookouts: NDArray[np.int64],
 ) -> None:
     """Find for each piece the clear cell nearest to one of the frontiers beside it, where the robot has not been.
@@ -103,25 +145,21 @@ def find_lookouts(
         pieces: all pieces.
         first_of: first piece of each square.
         remains: what is left to look at.
-        reach: a frontier lies beside clear space up to so many cells away, in line of sight.
+        around: a frontier lies beside clear space so far away, in line of sight, see `nearest_first`.
         been_reach: so many cells around a place where the robot has been, and in sight of it, another look shows
             nothing new.
+        everywhere: pieces where the robot has not been move as well.
         lookouts: receives x and y of each piece's place, subcells, int64, shape (pieces, 2); -1 where there is none.
     """
     width = cells.width
-    height = len(cells.clear) // width
+    reach = int(around[-1, 0]) + 1
     nearest = np.full(len(pieces), np.int64(1) << 62)
     for frontier in remains.frontiers:
         row, column = frontier // width, frontier % width
         x, y = _middle(column), _middle(row)
-        best, best_far = -1, np.int64(0)
-        for r in range(max(row - reach, 1), min(row + reach, height - 2) + 1):
-            for c in range(max(column - reach, 1), min(column + reach, width - 2) + 1):
-                far = (r - row) ** 2 + (c - column) ** 2
-                if (best >= 0 and far >= best_far) or not passable(cells.clear[r * width + c]):
-                    continue
-                if blocker(cells.belief, width, x, y, _middle(c), _middle(r)) == CLEAR:
-                    best, best_far = r * width + c, far
+        if not (everywhere or _visited_near(pieces, first_of, layout, row, column, reach)):
+            continue
+        best = _nearest_clear(cells, row, column, around)
         if best < 0 or _has_been(cells, best // width, best % width, been_reach):
             continue
         in_gap = _in_gap(cells, frontier)
@@ -131,7 +169,7 @@ def find_lookouts(
                 piece = piece_at(pieces, first_of, cells, layout, cell)
                 # The nearest of all, then the first cell: the order of the frontiers plays no part.
                 key = ((r - row) ** 2 + (c - column) ** 2) * len(cells.clear) + cell
-                if piece < 0 or key >= nearest[piece]:
+                if piece < 0 or key >= nearest[piece] or not (everywhere or pieces[piece].visited):
                     continue
                 if (
                     blocker(cells.belief, width, x, y, _middle(c), _middle(r)) == CLEAR

@@ -113,19 +113,19 @@ class Mapper:
             frontiers = self._frontiers.update(belief.padded, changed, graph.layout, graph.dirty, graph.beside)
             self.frontiers_removed += len(frontiers.removed)
         robot = belief.subcells(pose.position)
-        self._graph.update(changed, frontiers.lost, robot)
+        # Without a radius, frontiers are holes in walls, too, and nobody should look past every corner.
+        thorough = self._config.robot_radius > 0.0
+        self._graph.update(changed, frontiers.lost, robot, stay=thorough)
         self._update_utility(frontiers)
         self._pose = pose
         if self._graph.robot < 0:
             self._forget_nodes()
             return
         self._order, self._numbers, self._edges = self._graph.reachable()
+        if thorough:
+            self._look_around(self._utility.overlooked(self._numbers), robot)
         if not anything_left(self._order, self._graph.pieces, self._utility.counts, self._config.least_utility):
-            cells = np.flatnonzero(self._frontiers.padded_mask).astype(np.int32)
-            remains = Remains(cells, self._observable_reach, self._config.least_utility)
-            self._graph.update(None, NOTHING_LOST, robot, remains=remains)
-            self._update_utility(_NO_CHANGES)
-            self._order, self._numbers, self._edges = self._graph.reachable()
+            self._look_around(self._utility.frontiers, robot, everywhere=True)
         self._plan()
 
     def observe(self) -> Observation:
@@ -410,7 +410,7 @@ class Mapper:
         config = self._config
         self._generation = self.belief.generation
         self._origin = np.array(self.belief.origin)
-        self._frontiers = Frontiers(self.belief)
+        self._frontiers = Frontiers(self.belief, config.robot_radius)
         self._graph = ViewpointGraph(
             self.belief, self._lattice_origin, config.viewpoint_spacing, config.robot_radius, previous
         )
@@ -418,6 +418,14 @@ class Mapper:
         self._frame = Frame(
             *self._lattice_origin, *self._graph.first, config.viewpoint_spacing, *self.belief.origin, config.resolution
         )
+
+    def _look_around(self, frontiers: NDArray[np.int32], robot: tuple[int, int], *, everywhere: bool = False) -> None:
+        """Move viewpoints to lookouts beside frontiers, see `ViewpointGraph.update`, and all others back."""
+        remains = Remains(frontiers, self._observable_reach, self._config.least_utility)
+        self._graph.update(None, NOTHING_LOST, robot, remains=remains, everywhere=everywhere)
+        if len(self._graph.fresh) or len(self._graph.ended):
+            self._update_utility(_NO_CHANGES)
+            self._order, self._numbers, self._edges = self._graph.reachable()
 
     def _update_utility(self, frontiers: FrontierChanges) -> None:
         padded = self.belief.padded

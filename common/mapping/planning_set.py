@@ -104,8 +104,9 @@ def _gather(
 @njit(cache=True, nogil=True)
 def anything_left(order: NDArray[np.int32], pieces: Any, counts: NDArray[np.int32], least_utility: int) -> bool:
     """Whether one of the viewpoints where the robot has not been observes enough frontiers."""
-    for piece in order:  # noqa: SIM110 - compiled: numba knows no any()
-        if counts[piece] >= least_utility and not pieces[piece].visited:
+    for piece in order:
+        p = pieces[piece]
+        if counts[piece] >= least_utility and (not p.visited or p.lookout):
             return True
     return False
 

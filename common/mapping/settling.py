@@ -164,6 +164,7 @@ def choose(
     robot: int,
     everywhere: bool,
     lookouts: NDArray[np.int64],
+    stay: bool,
     margin: int,
     fresh: NDArray[np.int32],
     ended: NDArray[np.int32],
@@ -180,6 +181,7 @@ def choose(
         robot: piece where the robot stands, -1 for none.
         everywhere: no piece waits.
         lookouts: place of each piece near frontiers, subcells, int64, shape (used, 2); -1 for its usual one.
+        stay: viewpoints at lookouts stay there where the robot has been in their pieces.
         margin: space around a place that counts at most, cells.
         fresh: receives the pieces whose viewpoint is new, int32.
         ended: receives the living pieces whose viewpoint ends, int32.
@@ -205,6 +207,8 @@ def choose(
             continue
         exists = not p.waits or p.visited or beside[piece] or piece == robot or everywhere
         x, y = lookouts[piece, 0], lookouts[piece, 1]
+        if stay and p.lookout and p.visited:
+            x, y = p.x, p.y
         is_lookout = x >= 0
         if not is_lookout and (exists or p.lookout):
             # Nearly all stay where they are; handing all arrays over to find that out is what would take time.

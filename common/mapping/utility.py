@@ -210,6 +210,34 @@ def _sightings(
     return pointer, seen
 
 
+@njit(cache=True, nogil=True)
+def _overlooked(
+    numbers: NDArray[np.int32],
+    pieces: Any,
+    slot_cell: NDArray[np.int32],
+    pair_count: NDArray[np.int32],
+    pair_piece: NDArray[np.int32],
+    pair_state: NDArray[np.int32],
+    used: int,
+) -> NDArray[np.int32]:
+    """Return the frontiers that no viewpoint shows; see `FrontierUtility.overlooked`."""
+    shows = np.zeros(len(pieces), dtype=np.bool_)
+    for piece in range(len(pieces)):
+        shows[piece] = numbers[piece] >= 0 and not pieces[piece].visited
+    found = np.empty(used, dtype=np.int32)
+    size = 0
+    for slot in range(used):
+        shown = False
+        for k in range(pair_count[slot]):
+            if pair_state[slot, k] == IN_SIGHT and shows[pair_piece[slot, k]]:
+                shown = True
+                break
+        if not shown:
+            found[size] = slot_cell[slot]
+            size += 1
+    return found[:size]
+
+
 class FrontierUtility:
     """How many frontiers each viewpoint observes, for one generation of the belief.
 
@@ -281,6 +309,23 @@ class FrontierUtility:
             frontiers, numbers, nodes, self.counts, self._slots, self._pair_count, self._pair_piece, self._pair_state
         )
         return pointer, seen
+
+    def overlooked(self, numbers: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Return the frontiers that no node observes where the robot has not been, flat, int32, in no order.
+
+        Args:
+            numbers: node number of each piece, -1 without one, int32.
+        """
+        found: NDArray[np.int32] = _overlooked(
+            numbers, self._graph.pieces, self._slot_cell, self._pair_count, self._pair_piece, self._pair_state,
+            self._used,
+        )  # fmt: skip
+        return found
+
+    @property
+    def frontiers(self) -> NDArray[np.int32]:
+        """All frontiers of the last update, flat cells of the padded grid, int32, in no order."""
+        return self._slot_cell[: self._used]
 
     def _reserve(self, slots: int) -> None:
         graph = self._graph

@@ -17,7 +17,7 @@ from common.mapping.adjacency import Adjacency, reach
 from common.mapping.candidates import forget_pairs, list_pairs, most_pairs, update_pairs
 from common.mapping.cell_grid import AnchoredGrid
 from common.mapping.clearance import Clearance
-from common.mapping.lookouts import Remains, find_lookouts
+from common.mapping.lookouts import Remains, find_lookouts, nearest_first
 from common.mapping.pieces import NOWHERE, PIECE, Cells
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS, cell_middle
 from common.mapping.settling import choose, label_dirty, settle
@@ -55,7 +55,9 @@ def _renew_viewpoints(
     clear_reach: int,
     visit_reach: int,
     everywhere: bool,
+    stay: bool,
     remains: Remains,
+    around: NDArray[np.int32],
     been_reach: int,
     pairs: Pairs,
     touches: Touches,
@@ -78,12 +80,15 @@ def _renew_viewpoints(
     fresh = np.empty(used, dtype=np.int32)
     ended = np.empty(used + gone_count, dtype=np.int32)
     lookouts = np.full((used, 2), NOWHERE, dtype=np.int64)
-    if everywhere and here >= 0:
+    # A robot outside of all pieces looks for no lookouts, and so none stays either.
+    stay = stay and here >= 0
+    if here >= 0 and (everywhere or (stay and pieces[here].visited)):
         cells.been[cell_for(cells, robot[0], robot[1], clear_reach)] = True
         pieces[here].visited = True
-        find_lookouts(cells, layout, pieces, first_of, remains, clear_reach, been_reach, lookouts)
+    if here >= 0 and len(remains.frontiers):
+        find_lookouts(cells, layout, pieces, first_of, remains, around, been_reach, everywhere, lookouts)
     fresh_count, ended_count = choose(
-        cells, layout, pieces, used, touch_count, touched, here, everywhere, lookouts, margin, fresh, ended
+        cells, layout, pieces, used, touch_count, touched, here, everywhere, lookouts, stay, margin, fresh, ended
     )
     for k in range(gone_count):
         if pieces[gone[k]].exists:
@@ -148,7 +153,8 @@ class ViewpointGraph:
     piece waits for its lattice point while its square is partly unknown and no wall was seen in it, as long as the
     robot has not been next door: from there it would have seen the lattice point, if there were a way to it. Once
     nothing else is left to look at, no piece waits, and viewpoints move to where frontiers beside their pieces can be
-    seen from near (`common.mapping.lookouts`).
+    seen from near (`common.mapping.lookouts`); `Mapper` lets those of a robot with a radius move early, where the robot
+    has been in their pieces.
 
     Attributes:
         layout: the squares.
@@ -211,6 +217,7 @@ class ViewpointGraph:
         # The robot is at its viewpoint within half a spacing.
         self._visit_reach = round(spacing / belief.resolution * SUBCELLS) // 2
         self._clear_reach = ceil((radius + MARGIN_REACH) / belief.resolution)
+        self._around = nearest_first(self._clear_reach)
         # One subcell of rounding at either end must not cut off a viewpoint that is exactly as far as edges reach.
         self.edge_reach = int(LONGEST_EDGE * spacing / belief.resolution * SUBCELLS) + 2
         side = int(max(np.diff(self.layout.row_begin).max(initial=1), np.diff(self.layout.column_begin).max(initial=1)))
@@ -239,15 +246,27 @@ class ViewpointGraph:
         """All possible edges, connected with the robot or not, as `candidates` and `touches` keep them."""
         return self._pairs, self._touches
 
-    def update(self, changed: Box | None, lost: Box, robot: tuple[int, int], *, remains: Remains | None = None) -> None:
+    def update(
+        self,
+        changed: Box | None,
+        lost: Box,
+        robot: tuple[int, int],
+        *,
+        remains: Remains = _NOTHING_REMAINS,
+        everywhere: bool = False,
+        stay: bool = False,
+    ) -> None:
         """Bring clear space, pieces, viewpoints and edges up to date.
 
         Args:
             changed: box of all cells of the belief that changed, whose squares `dirty` names; None for none.
             lost: box of those that are free no more; its second number is -1 when there are none.
             robot: where the robot stands, subcells.
-            remains: what frontiers there are, when nothing else is left to look at: then no piece waits for its lattice
-                point, and viewpoints move to lookouts. None otherwise.
+            remains: the frontiers beside which viewpoints move to lookouts; those of pieces where the robot has been,
+                unless `everywhere`. All others go back to their usual places, unless they `stay`.
+            everywhere: nothing else is left to look at: no piece waits for its lattice point.
+            stay: viewpoints at lookouts stay there where the robot has been in their pieces, and where it stands in
+                such a piece it has looked around.
         """
         cells, layout = self.cells, self.layout
         self._release()
@@ -261,8 +280,8 @@ class ViewpointGraph:
                 self._reserve(self.used + max(self.used, total))
         self._free_count, self._gone, self.robot, self.fresh, self.ended, most = _renew_viewpoints(
             cells, layout, self.pieces, self.first_of, changed is not None, self.dirty, self._counts, self._free,
-            self._free_count, self._margin, robot, self._clear_reach, self._visit_reach, remains is not None,
-            remains or _NOTHING_REMAINS, self._been_reach, self._pairs, self._touches,
+            self._free_count, self._margin, robot, self._clear_reach, self._visit_reach, everywhere, stay,
+            remains, self._around, self._been_reach, self._pairs, self._touches,
         )  # fmt: skip
         self._reserve_pairs(most)
         self.changed = _renew_edges(

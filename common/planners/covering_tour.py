@@ -15,7 +15,7 @@ from common.mapping.mapper import Mapper
 from common.planners.base import Position, TaskName
 from common.planners.clusters import cluster_labels
 from common.planners.held_tour import HeldTour
-from common.planners.lattice import LatticePlanner
+from common.planners.viewpoint_planner import ViewpointPlanner
 from common.planners.visibility import unknown_in_sight
 from common.planners.ways import Ways
 from common.tours import cover
@@ -39,7 +39,7 @@ _NO_STOPS: Final = np.empty(0, dtype=np.int64)
 _Rows = tuple[NDArray[np.int64], NDArray[np.int32]]
 
 
-class CoveringTourPlanner(LatticePlanner):
+class CoveringTourPlanner(ViewpointPlanner):
     """Cover all frontiers by viewpoints, take the shortest tour through these, and plan it anew at each viewpoint.
 
     It is no published planner: it is what the privileged expert of this project's training does on the true map, done

@@ -9,11 +9,11 @@ from common.config.schema import MappingConfig
 from common.errors import ConfigError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
-from common.planners.lattice import LatticePlanner
+from common.planners.viewpoint_planner import ViewpointPlanner
 from common.planners.visibility import observed
 
 
-class GreedyPlanner(LatticePlanner):
+class GreedyPlanner(ViewpointPlanner):
     """Go to the viewpoint with the largest utility x exp(-path length / scale), decided anew at each viewpoint.
 
     H. H. Gonzalez-Banos, J.-C. Latombe: "Navigation Strategies for Exploring Indoor Environments", International
@@ -25,7 +25,7 @@ class GreedyPlanner(LatticePlanner):
     - A(q) is the number of observable frontier cells within `cover_range`, the utility of this project's viewpoints on
       a shorter range, instead of the area visible through free curves: a frontier at the very end of the sensor's range
       would show nothing new from there. The area was tried on training maps, and its tours were 3 % longer or more.
-    - Candidates are the lattice's viewpoints instead of random samples near the frontiers: they are the waypoints of
+    - Candidates are the viewpoints of the graph instead of random samples near the frontiers: they are the waypoints of
       every planner here.
     - A viewpoint that observes less than `min_frontier` is no candidate until nothing larger is left, as the
       publication leaves out free curves that are too short for the robot.

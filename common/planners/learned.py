@@ -15,9 +15,16 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.greedy import GreedyPlanner
-from common.planners.lattice import ON_VIEWPOINT, ScannedViewpoints, check_task, lead_to, next_leg, nothing_left
 from common.planners.news import PlacesSinceNews
 from common.planners.reference import ReferenceRoute
+from common.planners.viewpoint_planner import (
+    ON_VIEWPOINT,
+    ScannedViewpoints,
+    check_task,
+    lead_to,
+    next_leg,
+    nothing_left,
+)
 from common.policy import Policy
 from common.policy_file import PolicyCard, read_policy
 from common.shipped import shipped_policy, shipped_tasks

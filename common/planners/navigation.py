@@ -19,9 +19,9 @@ from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.following import PathFollower
 from common.planners.graph_search import NO_WAY
-from common.planners.lattice import MAX_ATTEMPTS, ON_VIEWPOINT, TOLERANCE, check_task, next_leg
 from common.planners.optimistic_graph import OptimisticGraph
 from common.planners.possible_space import possible_way
+from common.planners.viewpoint_planner import MAX_ATTEMPTS, ON_VIEWPOINT, TOLERANCE, check_task, next_leg
 
 # Decisions in a row from one place, whatever they were, before the robot counts as stuck.
 MAX_STANDSTILL: Final = 12

@@ -12,9 +12,9 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Plan, Position, Status
-from common.planners.lattice import TOLERANCE
 from common.planners.rrt import Tree
 from common.planners.sampling import Corner, SamplingPlanner
+from common.planners.viewpoint_planner import TOLERANCE
 
 # Samples that are drawn at once, and batches in a row without a new node after which a tree counts as full grown.
 BATCH: Final = 500

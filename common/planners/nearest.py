@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
-from common.planners.lattice import LatticePlanner
+from common.planners.viewpoint_planner import ViewpointPlanner
 from common.planners.visibility import observed
 
 
-class NearestPlanner(LatticePlanner):
+class NearestPlanner(ViewpointPlanner):
     """Drive up to the nearest frontier, by path length, decided anew at each viewpoint.
 
     B. Yamauchi: "A Frontier-Based Approach for Autonomous Exploration", IEEE International Symposium on Computational
@@ -19,7 +19,7 @@ class NearestPlanner(LatticePlanner):
 
     As published: the goal is the nearest accessible frontier, the robot drives to the frontier itself and not just to
     where it can be seen from, and a place that did not resolve its frontier counts as inaccessible afterwards.
-    Otherwise: the robot drives to the viewpoint of the lattice that is nearest to the frontier, because waypoints are
+    Otherwise: the robot drives to the viewpoint of the graph that is nearest to the frontier, because waypoints are
     viewpoints here; the goal is chosen again after each edge and not only on arrival, because the belief has grown by
     then; and frontier cells are not grouped into regions with a least size, because the nearest cell tells the nearest
     region and viewpoints that observe fewer than `MappingConfig.min_utility` frontier cells are no candidates anyway.

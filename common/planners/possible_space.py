@@ -15,8 +15,8 @@ from common.mapping.sight import CLEAR, Box, blocker
 from common.mapping.standing import MARGIN_REACH
 from common.planners.base import Position
 from common.planners.cell_path import cell_path, connected
-from common.planners.lattice import TOLERANCE
 from common.planners.optimistic import MARGIN, OptimisticBelief
+from common.planners.viewpoint_planner import TOLERANCE
 
 
 class PossibleSpace:

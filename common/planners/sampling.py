@@ -14,8 +14,8 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Plan, Position, Status, TaskName
-from common.planners.lattice import check_task, next_leg
 from common.planners.rrt import free_box
+from common.planners.viewpoint_planner import check_task, next_leg
 from common.planners.visibility import at_ease, unknown_in_sight
 
 # Edges are this much shorter than the longest waypoint, so that rounding cannot make one too far.

@@ -14,12 +14,12 @@ from common.mapping.mapper import Mapper
 from common.planners.base import Position, TaskName
 from common.planners.cover import sample_cover, subspace_stops
 from common.planners.held_tour import HeldTour
-from common.planners.lattice import LatticePlanner
 from common.planners.tour import load_ortools, open_tour, tour_length
+from common.planners.viewpoint_planner import ViewpointPlanner
 from common.planners.visibility import observed
 
 
-class TarePlanner(LatticePlanner):
+class TarePlanner(ViewpointPlanner):
     """Cover the surroundings in detail and the rest coarsely, by one tour, planned anew at each viewpoint.
 
     C. Cao, H. Zhu, H. Choset, J. Zhang: "TARE: A Hierarchical Framework for Efficiently Exploring Complex 3D

@@ -14,7 +14,7 @@ from common.geometry import Pose
 from common.mapping.distances import shortest_paths
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status
-from common.planners.lattice import next_leg
+from common.planners.viewpoint_planner import next_leg
 
 MayEnter = Callable[[Position, Position], bool]
 

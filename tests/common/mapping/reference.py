@@ -176,12 +176,41 @@ class ReferenceMapper:
     # -------------------------------------------------------------------------------------------------- clear space
 
     def frontiers(self) -> list[Cell]:
-        return sorted(
+        """Free cells beside the unknown, for a robot with a radius those near a passage alone."""
+        edge = sorted(
             (row, column)
             for (row, column), value in self.cells.items()
             if value == FREE
             and sum((row + up, column + right) not in self.cells for up in (-1, 0, 1) for right in (-1, 0, 1)) >= 2
         )
+        if self.config.robot_radius == 0.0:
+            return edge
+        disc = self.disc(0.5)
+        passages = {cell for cell in self.cells if self._passage(cell, disc)}
+        return [
+            (row, column) for row, column in edge if any((row + up, column + right) in passages for up, right in disc)
+        ]
+
+    def _passage(self, cell: Cell, disc: list[Cell]) -> bool:
+        """Whether a robot could drive from a free cell into an unknown one beside it, by the walls that are known."""
+
+        def fits(row: int, column: int) -> bool:
+            return all(self.cells.get((row + up, column + right)) != OCCUPIED for up, right in disc)
+
+        row, column = cell
+        beside = [(row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)]
+        return self.free(cell) and fits(*cell) and any(near not in self.cells and fits(*near) for near in beside)
+
+    def disc(self, inside: float) -> list[Cell]:
+        """Offsets of the cells that are nearer than the robot's radius, and of the cell itself; see `clear_cells`."""
+        radius = self.config.robot_radius / self.config.resolution
+        span = range(-ceil(radius) - 1, ceil(radius) + 2)
+        return [
+            (up, right)
+            for up in span
+            for right in span
+            if (up, right) == (0, 0) or hypot(max(abs(up) - inside, 0), max(abs(right) - inside, 0)) < radius - 1e-9
+        ]
 
     def clear_cells(self, inside: float) -> set[Cell]:
         """Free cells that no cell that is not free comes nearer to than the radius.
@@ -189,14 +218,7 @@ class ReferenceMapper:
         Distances are those to the nearest point of the other cell: from the middle when ``inside`` is 0.5, from the
         nearest point of the cell itself when it is 1.
         """
-        radius = self.config.robot_radius / self.config.resolution
-        span = range(-ceil(radius) - 1, ceil(radius) + 2)
-        near = [
-            (up, right)
-            for up in span
-            for right in span
-            if (up, right) == (0, 0) or hypot(max(abs(up) - inside, 0), max(abs(right) - inside, 0)) < radius - 1e-9
-        ]
+        near = self.disc(inside)
         return {
             (row, column)
             for (row, column), value in self.cells.items()
@@ -366,7 +388,7 @@ class ReferenceMapper:
         cell = self.cell_for(point)
         return None if cell is None else self.piece_at[cell]
 
-    def _move_to_lookouts(self) -> None:
+    def _move_to_lookouts(self, frontiers: list[Cell], pieces: list[Piece]) -> None:
         """Let the viewpoint of each piece stand at the clear cell that is nearest to a frontier, unless that is known.
 
         A frontier belongs to the nearest clear cell that sees it, and to those of the cells around it that see it, too.
@@ -374,7 +396,7 @@ class ReferenceMapper:
         """
         reach = self.clear_reach
         nearest: dict[Piece, tuple[int, Cell]] = {}
-        for row, column in self.all_frontiers:
+        for row, column in frontiers:
             near = [
                 (up**2 + right**2, (row + up, column + right))
                 for up in range(-reach - 1, reach + 2)
@@ -389,8 +411,12 @@ class ReferenceMapper:
             for far, place in near:
                 if (
                     max(abs(place[k] - first[k]) for k in (0, 1)) <= 1
+                    and self.piece_at[place] in pieces
                     and not self._has_been(place)
-                    and (self._in_gap((row, column)) or self._observed_from(middle(place)) >= self.config.least_utility)
+                    and (
+                        self._in_gap((row, column))
+                        or self._observed_from(middle(place), frontiers) >= self.config.least_utility
+                    )
                 ):
                     piece = self.piece_at[place]
                     nearest[piece] = min(nearest.get(piece, (far, place)), (far, place))
@@ -422,6 +448,7 @@ class ReferenceMapper:
         self.all_frontiers = self.frontiers()
         self.pieces = self._find_pieces()
         here = self.point(pose.position)
+        usual = {piece: piece.place for piece in self.pieces}
         self.robot = self.piece_of(here)
         if self.robot is not None and (
             not self.robot.visited and self.distance(self.robot.place, here) <= self.config.viewpoint_spacing / 2 + 1e-9
@@ -437,13 +464,30 @@ class ReferenceMapper:
         if self.robot is None:
             return
         self._connect()
+        if self.config.robot_radius > 0.0:
+            # Pieces where the robot has been look past corners that nobody else will show.
+            if self.robot.visited:
+                self.been.add(self.cell_for(here))
+            reach = self.config.observable_range
+            new = [piece.place for piece in self.nodes if not piece.visited]
+            overlooked = [
+                cell
+                for cell in self.all_frontiers
+                if not any(self.within(place, middle(cell), reach) and self.sees(place, middle(cell)) for place in new)
+            ]
+            self._move_to_lookouts(overlooked, [piece for piece in self.viewpoints if piece.visited])
+            self._count()
+            self._connect()
         self.nothing_left = not any(
-            self.counts[piece] >= self.config.least_utility and not piece.visited for piece in self.nodes
+            self.counts[piece] >= self.config.least_utility and (not piece.visited or piece.lookout)
+            for piece in self.nodes
         )
         if self.nothing_left:
             self.been.add(self.cell_for(here))
             self.robot.visited = True
-            self._move_to_lookouts()
+            for piece in self.pieces:
+                piece.place, piece.lookout = usual[piece], False
+            self._move_to_lookouts(self.all_frontiers, self.pieces)
             self.viewpoints = self.pieces
             self._count()
             self._connect()
@@ -451,10 +495,10 @@ class ReferenceMapper:
 
     def _count(self) -> None:
         """The frontiers that viewpoints observe."""
-        self.counts = {piece: self._observed_from(piece.place) for piece in self.viewpoints}
+        self.counts = {piece: self._observed_from(piece.place, self.all_frontiers) for piece in self.viewpoints}
 
-    def _observed_from(self, place: Point) -> int:
-        centres = [middle(cell) for cell in self.all_frontiers]
+    def _observed_from(self, place: Point, frontiers: list[Cell]) -> int:
+        centres = [middle(cell) for cell in frontiers]
         reach = self.config.observable_range
         return sum(self.within(place, f, reach) and self.sees(place, f) for f in centres)
 

@@ -156,6 +156,18 @@ def random_scan(rng: np.random.Generator, free: np.ndarray, resolution: float, p
     origin=(0.0, 0.0),
     steps=7,
 )
+# A viewpoint at a lookout when the robot loses clear space.
+@example(
+    seed=1773912972,
+    resolution=0.5,
+    spacing=2.5,
+    radius=0.1,
+    with_bounds=True,
+    with_target=False,
+    aligned=False,
+    origin=(100.0, -0.5),
+    steps=8,
+)
 def test_equals_the_reference_after_every_step(
     seed, resolution, spacing, radius, with_bounds, with_target, aligned, origin, steps
 ):

@@ -96,3 +96,57 @@ def test_a_gap_one_cell_wide_is_looked_into_by_a_robot_without_size():
     assert len(mapper.frontiers) == 1
     observation = mapper.observe()
     assert mapper.viewpoints[observation.utility > 0].round(9).tolist() == [[1.05, 0.55]]
+
+
+# A corridor that goes on at its right end; at its left end an alcove of the same piece that leads somewhere, too.
+ALCOVE = np.full((44, 110), 100, dtype=np.int8)
+ALCOVE[14:26, 1:100] = 0
+ALCOVE[14:26, 100:106] = -1
+ALCOVE[26:33, 4:10] = 0
+ALCOVE[33:40, 2:12] = -1
+
+
+def alcove_mapper(**changes: float) -> Mapper:
+    mapper = Mapper(small_config(viewpoint_spacing=4.0, resolution=0.1, **changes), lattice_origin=(2.0, 2.0))
+    mapper.belief.assign(ALCOVE, (0.0, 0.0))
+    return mapper
+
+
+def places_to_look_from(mapper: Mapper) -> list[tuple[float, float]]:
+    observation = mapper.observe()
+    return [tuple(p) for p in mapper.viewpoints[(observation.utility > 0) & ~observation.visited].round(2).tolist()]
+
+
+def test_a_robot_with_a_radius_looks_past_a_corner_of_a_piece_as_soon_as_it_has_been_there():
+    mapper = alcove_mapper(robot_radius=0.15)
+    mapper.update(Pose(6.0, 2.0))
+    # The robot was not in the piece of the alcove, and might see into it from the viewpoint there.
+    usual, end = places_to_look_from(mapper)
+    assert usual == (2.0, 2.0) and end[0] > 8.0
+    mapper.update(Pose(*usual))
+    early, late = places_to_look_from(mapper)
+    assert late == end
+    assert 0.4 < early[0] < 1.0 and 2.6 < early[1] < 3.3
+    mapper.update(Pose(*early))
+    # A look from there that shows nothing new is enough.
+    assert places_to_look_from(mapper) == [late]
+
+
+def test_a_robot_without_a_radius_looks_past_corners_when_nothing_else_is_left():
+    mapper = alcove_mapper()
+    for x in (6.0, 2.0):
+        mapper.update(Pose(x, 2.0))
+    (end,) = places_to_look_from(mapper)
+    assert end[0] > 8.0
+    mapper.update(Pose(*end))
+    late = min(places_to_look_from(mapper))
+    assert 0.4 < late[0] < 1.0 and 2.6 < late[1] < 3.3
+
+
+def test_an_early_look_must_show_enough():
+    mapper = alcove_mapper(robot_radius=0.15, least_utility=7)
+    mapper.update(Pose(2.0, 2.0))
+    # Six frontiers show in the alcove, and twelve at the end of the corridor.
+    assert len(mapper.frontiers) == 18
+    places = places_to_look_from(mapper)
+    assert places and all(y < 2.6 for _, y in places)

@@ -56,7 +56,7 @@ def test_the_middle_of_a_door_that_the_robot_fits_through_stays_unknown():
 
 @pytest.mark.parametrize(("radius", "slits"), [(0.0, True), (0.3, False)])
 def test_a_robot_with_a_size_does_not_look_into_slits(radius, slits):
-    """Between two cupboards 0.2 m apart nothing can be that a robot of 0.6 m gets to; on the way to a target it may."""
+    """Between two cupboards 0.2 m apart nothing can be that a robot of 0.6 m gets to; a target there stays unknown."""
     cells = np.full((60, 60), FREE, dtype=np.int8)
     cells[:, [0, -1]] = cells[[0, -1]] = OCCUPIED
     cells[:10, 20:40] = OCCUPIED
@@ -66,9 +66,14 @@ def test_a_robot_with_a_size_does_not_look_into_slits(radius, slits):
     )
     robot_map.add_pose(1.0, Pose(3.0, 4.0))
     robot_map.add_grid(1.0, cells, 0.1, (0.0, 0.0, 0.0))
-    assert (len(robot_map.refresh().frontiers) > 0) == slits
-    robot_map.set_target((3.0, 0.5))
-    assert len(robot_map.refresh().frontiers) > 0
+    slit = (3.0, 0.5)
+    mapper = robot_map.refresh()
+    assert (len(mapper.frontiers) > 0) == slits
+    assert (mapper.belief.cells[mapper.belief.cell(slit)] == UNKNOWN) == slits
+    robot_map.set_target(slit)
+    mapper = robot_map.refresh()
+    assert mapper.belief.cells[mapper.belief.cell(slit)] == UNKNOWN
+    assert (len(mapper.frontiers) > 0) == slits
 
 
 @given(st.floats(-3.0, 15.0), st.floats(-3.0, 15.0), st.floats(0.2, 4.0))

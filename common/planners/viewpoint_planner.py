@@ -78,7 +78,7 @@ class ScannedViewpoints:
         return int(np.rint(x * scale)), int(np.rint(y * scale))
 
 
-class LatticePlanner(ABC):
+class ViewpointPlanner(ABC):
     """An exploration planner whose waypoints are viewpoints: it chooses a goal, and one edge towards it is a decision.
 
     Subclasses give the goal; the rest is the same for all of them.

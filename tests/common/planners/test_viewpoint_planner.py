@@ -7,8 +7,8 @@ from common.errors import ConfigError
 from common.geometry import Pose
 from common.planners.base import Status
 from common.planners.greedy import GreedyPlanner
-from common.planners.lattice import ScannedViewpoints, lead_to
 from common.planners.nearest import NearestPlanner
+from common.planners.viewpoint_planner import ScannedViewpoints, lead_to
 from common.planners.visibility import observed
 from tests.common.planners.rollout import drawn
 from tests.common.planners.worlds import ARMS, CONFIG, DEAD_END, looked

@@ -1,0 +1,83 @@
+"""Passages: where a robot could drive from what is known into the unknown, as far as the known walls let it.
+
+Lidar leaves single cells of walls unknown between two beams, and slivers behind posts and furniture. A robot with a
+radius cannot go there, and what lies behind is seen through other openings or never matters.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.jit import njit
+from common.mapping.sight import FREE, OCCUPIED, Box
+
+
+@njit(cache=True, nogil=True)
+def would_fit(cells: NDArray[np.int8], row: int, column: int, spans: NDArray[np.int16]) -> bool:
+    """Whether no known wall is nearer to the middle of a cell than the robot's radius; unknown cells do not matter.
+
+    Args:
+        cells: padded grid of the belief, int8, shape (height, width).
+        row: of the cell.
+        column: of the cell.
+        spans: the robot's disc, see `near_spans`.
+    """
+    height, width = cells.shape
+    reach = len(spans) // 2
+    for r in range(max(row - reach, 0), min(row + reach, height - 1) + 1):
+        span = spans[r - row + reach]
+        for c in range(max(column - span, 0), min(column + span, width - 1) + 1):
+            if cells[r, c] == OCCUPIED:
+                return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def update_passages(
+    cells: NDArray[np.int8], passages: NDArray[np.bool_], spans: NDArray[np.int16], changed: Box
+) -> Box:
+    """Bring up to date from which free cells the robot could drive on into an unknown one beside it.
+
+    In the middle of both cells it must fit by the known walls (see `would_fit`).
+
+    Args:
+        cells: padded grid of the belief, int8, shape (height, width).
+        passages: such free cells, bool, same shape; brought up to date.
+        spans: the robot's disc, see `near_spans`.
+        changed: box of cells that changed.
+
+    Returns:
+        The box of cells that were looked at.
+    """
+    height, width = cells.shape
+    reach = len(spans) // 2 + 1
+    top, bottom = max(changed[0] - reach, 1), min(changed[1] + reach, height - 2)
+    left, right = max(changed[2] - reach, 1), min(changed[3] + reach, width - 2)
+    for row in range(top, bottom + 1):
+        below, here, above = cells[row - 1], cells[row], cells[row + 1]
+        for column in range(left, right + 1):
+            passages[row, column] = False
+            # Hardly any cell lies at the edge of what is known: the sign of the least one tells.
+            if here[column] != FREE or min(below[column], here[column - 1], here[column + 1], above[column]) >= 0:
+                continue
+            if not would_fit(cells, row, column, spans):
+                continue
+            for r, c in ((row - 1, column), (row, column - 1), (row, column + 1), (row + 1, column)):
+                if cells[r, c] < 0 and would_fit(cells, r, c, spans):
+                    passages[row, column] = True
+                    break
+    return top, bottom, left, right
+
+
+@njit(cache=True, nogil=True)
+def any_near(passages: NDArray[np.bool_], row: int, column: int, spans: NDArray[np.int16]) -> bool:
+    """Whether a passage is nearer to a cell than the robot's radius."""
+    height, width = passages.shape
+    reach = len(spans) // 2
+    for r in range(max(row - reach, 0), min(row + reach, height - 1) + 1):
+        span = spans[r - row + reach]
+        for c in range(max(column - span, 0), min(column + span, width - 1) + 1):
+            if passages[r, c]:
+                return True
+    return False
