@@ -19,6 +19,9 @@ from common.mapping.mapper import Mapper
 from common.messages.experience import End
 from common.planners.base import Plan, Position, Status, TaskName
 
+COUNTS = ("rule_applied", "guarded")
+"""What a planner may count in an episode: decisions of the rule against cycles, and of a guard."""
+
 
 class Decider(Protocol):
     """What drives an episode: a planner, or the omniscient reference."""
@@ -168,7 +171,7 @@ def run_episode(
         environment.step_to(plan.waypoint, plan.via)
         places.append(Place.of(environment))
         tell("moved", places[-1])
-    applied = getattr(planner, "rule_applied", None)
+    notes = {name: count for name in COUNTS if (count := getattr(planner, name, None)) is not None}
     unseen = environment.coverage.unseen_area if task == "exploration" and not environment.success else 0.0
     return Outcome(
         waypoints=[_rounded(world, position) for position in environment.positions],
@@ -178,7 +181,7 @@ def run_episode(
         explored=environment.coverage.explored,
         reason=(environment.reason or reason) + (_left(environment.coverage) if unseen else ""),
         decision_ms=times,
-        notes={} if applied is None else {"rule_applied": int(applied)},
+        notes=notes,
         corners=list(environment.corners),
         unseen=unseen,
     )

@@ -77,7 +77,8 @@ def notes(found: Sequence[Results], baseline: str | None) -> list[str]:
         )
     if any(results.planner == "hdplanner" for results in found):
         lines.append(
-            "hdplanner: with the rule that ends cycles by a detour to a useful viewpoint; hdplanner-bare: without."
+            "hdplanner: with the rule that ends cycles and the guard that hands over to a classical planner in worlds "
+            "unlike its training; hdplanner-bare: the network alone."
         )
     commits = list(dict.fromkeys(results.commit for results in found))
     lines.append(f"Commit {'; '.join(commits)}; seed {', '.join(sorted({str(results.seed) for results in found}))}.")

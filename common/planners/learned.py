@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +12,13 @@ from numpy.typing import NDArray
 from common.config.schema import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
-from common.planners.base import Plan, Position, Status, TaskName
+from common.planners.base import Plan, Planner, Position, Status, TaskName
+from common.planners.depth import Depth
 from common.planners.greedy import GreedyPlanner
 from common.planners.news import PlacesSinceNews
-from common.planners.reference import ReferenceRoute
+from common.planners.reference import REFERENCE_PLANNERS, ReferenceRoute
+from common.planners.registry import make_planner
+from common.planners.suited_mapping import warn_of_other_mapping
 from common.planners.viewpoint_planner import (
     ON_VIEWPOINT,
     ScannedViewpoints,
@@ -32,8 +34,6 @@ from common.shipped import shipped_policy, shipped_tasks
 log = logging.getLogger(__name__)
 
 TASKS: tuple[TaskName, ...] = ("exploration", "navigation")
-# Viewpoints may be this many times wider or closer, in shares of the sensor's range, than those that a policy knows.
-SPACING_TOLERANCE: Final = 1.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,8 +63,14 @@ class LearnedPlanner:
     since it last saw something new, the robot goes by the shortest path to a useful viewpoint instead, until it sees
     something new or is there. Which one the classical rules say: in exploration the one that the greedy utility
     planner prefers, in navigation the one of the shortest optimistic way to the target. Every such detour leads to news
-    or is done with its goal, so there is an end. The rule is no part of the paper, so its decisions are counted, and
-    `hdplanner-bare` is the network without it.
+    or is done with its goal, so there is an end.
+
+    A guard stands before the shipped policies, which were trained on block maps: in worlds of another kind (see
+    `Depth`) a classical planner decides, `tour` in exploration and D* Lite in navigation. Policies of one's own have no
+    guard.
+
+    Rule and guard are no part of the paper, so their decisions are counted, and `hdplanner-bare` is the network without
+    either.
 
     The network reads steps of the lattice, not metres: viewpoints should be as far apart as in training, as a share of
     the sensor's range. Otherwise all that it sees is wider, or more finely divided, than what it was trained on, and a
@@ -74,6 +80,7 @@ class LearnedPlanner:
         card: what the policy is and where it comes from; of shipped policies that of the last `reset`, None before.
         policy: the network; weights that it loads hold from the next decision on. Of shipped policies as `card`.
         rule_applied: decisions of this episode that the rule made.
+        guarded: decisions of this episode that the classical planner made.
         attention: how probable the choices of the last decision were; None before the first.
     """
 
@@ -81,6 +88,8 @@ class LearnedPlanner:
     attention: Attention | None
     _beacon: Position | None
     _reference: ReferenceRoute | None
+    _depth: Depth | None
+    _classical: Planner | None
 
     def __init__(
         self,
@@ -95,7 +104,8 @@ class LearnedPlanner:
             config: the mapping that the planner will be given.
             policy: weights (.safetensors) with their card beside them, as `hd-learner export` writes them; without it
                 the shipped policy of each task is used. Or a policy that was read already, with its card.
-            end_cycles: apply the rule against cycles; otherwise the network is left alone.
+            end_cycles: apply the rule against cycles, and the guard to a shipped policy; otherwise the network is left
+                alone.
 
         Raises:
             CheckpointError: the policy cannot be read, or none is shipped.
@@ -109,7 +119,7 @@ class LearnedPlanner:
         self.card: PolicyCard | None = None
         if policy is not None:
             self.policy, self.card = policy if isinstance(policy, tuple) else read_policy(Path(policy).expanduser())
-            _warn_of_other_mapping(self.card, config)
+            warn_of_other_mapping(self.card, config)
         elif not shipped_tasks():
             shipped_policy("exploration")
         self._way_out: Position | None = None
@@ -146,9 +156,18 @@ class LearnedPlanner:
             reference = ReferenceRoute(self.mapping_for(task))
             reference.reset(task, target)
             self._reference = reference
+        elif self._shipped and self._end_cycles:
+            self._depth = Depth(self._config)
+            self._classical = make_planner(REFERENCE_PLANNERS[task], self.mapping_for(task))
+            self._classical.reset(task, target, 0)
 
     def plan(self, mapper: Mapper, pose: Pose) -> Plan:
         """Decide; the mapper has taken in the newest scan and was updated at this pose."""
+        if self._depth is not None and not mapper.stuck and not self._depth.within(mapper):
+            assert self._classical is not None
+            self.guarded += 1
+            self.attention = None
+            return self._classical.plan(mapper, pose)
         end = self._end(mapper, pose)
         if end is not None:
             return end
@@ -236,7 +255,7 @@ class LearnedPlanner:
     def _read_shipped(self, task: TaskName) -> tuple[Policy, PolicyCard]:
         if task not in self._read:
             self._read[task] = read_policy(shipped_policy(task))
-            _warn_of_other_mapping(self._read[task][1], self._config)
+            warn_of_other_mapping(self._read[task][1], self._config)
         return self._read[task]
 
     def _forget(self) -> None:
@@ -244,6 +263,9 @@ class LearnedPlanner:
         self._scanned = ScannedViewpoints(self._config.viewpoint_spacing)
         self._beacon = None
         self._reference = None
+        self._depth = None
+        self._classical = None
+        self.guarded = 0
         # Viewpoints beside lattice points move a little whenever their surroundings become known better.
         self._places = PlacesSinceNews(ON_VIEWPOINT * self._config.viewpoint_spacing)
         self._way_out = None
@@ -251,41 +273,10 @@ class LearnedPlanner:
         self.attention = None
 
 
-def _spacing(trained: MappingConfig, given: MappingConfig) -> float:
-    """Return how far apart viewpoints were in training, at the given sensor's range, metres."""
-    return trained.viewpoint_spacing * given.sensor_range / trained.sensor_range
-
-
 def _positions(mapper: Mapper, nodes: NDArray[np.int64]) -> NDArray[np.float64]:
     return np.array([mapper.position(node) for node in nodes.tolist()])
 
 
 def bare_planner(config: MappingConfig, *, policy: str | Path | None = None) -> LearnedPlanner:
-    """Return a learned planner without the rule against cycles; see `LearnedPlanner`."""
+    """Return a learned planner without rule and guard; see `LearnedPlanner`."""
     return LearnedPlanner(config, policy=policy, end_cycles=False)
-
-
-def _warn_of_other_mapping(card: PolicyCard, config: MappingConfig) -> None:
-    trained, given = card.mapping.model_dump(), config.with_planning_set_of(card.mapping).model_dump()
-    drawn = {name for name, (low, high) in card.ranges.items() if low <= given[name] <= high}
-    # A radius changes where viewpoints are, not how the network reads them.
-    scaled = {"utility_range", "min_utility", "least_utility", "beacon_range", "viewpoint_spacing", "robot_radius"}
-    if card.network.features == "guided":
-        # Its frontiers are counted by length.
-        scaled.add("resolution")
-    differing = [
-        f"{name} {trained[name]} (here {given[name]})"
-        for name in given
-        if name not in scaled | drawn and trained[name] != given[name]
-    ]
-    wanted = _spacing(card.mapping, config)
-    fits = "viewpoint_spacing" in drawn or (
-        wanted / SPACING_TOLERANCE <= config.viewpoint_spacing <= wanted * SPACING_TOLERANCE
-    )
-    if not fits:
-        differing.append(
-            f"viewpoints {wanted:g} m apart at a sensor range of {config.sensor_range:g} m "
-            f"(here {config.viewpoint_spacing:g} m: set mapping.viewpoint_spacing={wanted:g})"
-        )
-    if differing:
-        log.warning("the policy of run %r was trained with another mapping: %s", card.run, ", ".join(differing))

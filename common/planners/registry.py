@@ -49,7 +49,7 @@ _ENTRIES: dict[str, Entry] = {
     "far": Entry("common.planners.far", "FarPlanner", _NAVIGATION, "incremental visibility graph (Yang 2022)"),
     "hdplanner": Entry("common.planners.learned", "LearnedPlanner", _BOTH, "a trained policy (Liang 2025)"),
     "hdplanner-bare": Entry(
-        "common.planners.learned", "bare_planner", _BOTH, "a trained policy without the rule against revisits"
+        "common.planners.learned", "bare_planner", _BOTH, "a trained policy without rule and guard"
     ),
 }
 

@@ -82,6 +82,11 @@ class OnViewpoints:
         """What the planner counts, if it does; see `Outcome.notes`."""
         return getattr(self._planner, "rule_applied", None)
 
+    @property
+    def guarded(self) -> int | None:
+        """Likewise."""
+        return getattr(self._planner, "guarded", None)
+
     def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
         """Begin an episode."""
         self._planner.reset(task, target, seed)

@@ -76,7 +76,7 @@ def test_what_is_missing_is_said(policy, tmp_path):
 def test_without_a_policy_the_shipped_one_of_the_task_is_used():
     planner = LearnedPlanner(MappingConfig())
     for task in sorted(planner.tasks):
-        planner.reset(task, None, 0)
+        planner.reset(task, (1.0, 1.0) if task == "navigation" else None, 0)
         assert planner.card is not None
         assert planner.card.task == task
     assert planner.tasks == shipped_tasks()

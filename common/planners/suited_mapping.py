@@ -1,0 +1,51 @@
+"""Whether a mapping is one that a policy knows from its training."""
+
+from __future__ import annotations
+
+import logging
+from typing import Final
+
+from common.config.schema import MappingConfig
+from common.policy_file import PolicyCard
+
+log = logging.getLogger(__name__)
+
+# Viewpoints may be this many times wider or closer, in shares of the sensor's range, than those that a policy knows.
+SPACING_TOLERANCE: Final = 1.3
+
+
+def warn_of_other_mapping(card: PolicyCard, config: MappingConfig) -> None:
+    """Log a warning that names what a policy was trained with and will not be given.
+
+    Args:
+        card: of the policy.
+        config: the mapping that it will be given.
+    """
+    trained, given = card.mapping.model_dump(), config.with_planning_set_of(card.mapping).model_dump()
+    drawn = {name for name, (low, high) in card.ranges.items() if low <= given[name] <= high}
+    # A radius changes where viewpoints are, not how the network reads them.
+    scaled = {"utility_range", "min_utility", "least_utility", "beacon_range", "viewpoint_spacing", "robot_radius"}
+    if card.network.features == "guided":
+        # Its frontiers are counted by length.
+        scaled.add("resolution")
+    differing = [
+        f"{name} {trained[name]} (here {given[name]})"
+        for name in given
+        if name not in scaled | drawn and trained[name] != given[name]
+    ]
+    wanted = _spacing(card.mapping, config)
+    fits = "viewpoint_spacing" in drawn or (
+        wanted / SPACING_TOLERANCE <= config.viewpoint_spacing <= wanted * SPACING_TOLERANCE
+    )
+    if not fits:
+        differing.append(
+            f"viewpoints {wanted:g} m apart at a sensor range of {config.sensor_range:g} m "
+            f"(here {config.viewpoint_spacing:g} m: set mapping.viewpoint_spacing={wanted:g})"
+        )
+    if differing:
+        log.warning("the policy of run %r was trained with another mapping: %s", card.run, ", ".join(differing))
+
+
+def _spacing(trained: MappingConfig, given: MappingConfig) -> float:
+    """Return how far apart viewpoints were in training, at the given sensor's range, metres."""
+    return trained.viewpoint_spacing * given.sensor_range / trained.sensor_range

@@ -1,0 +1,80 @@
+"""The guard: the shipped policies decide in worlds like those of their training, a classical planner elsewhere."""
+
+import pytest
+
+from actors.environment import Environment
+from actors.maps.generators import make_generator
+from actors.simulators.grid import GridSimulator
+from actors.tasks import make_task
+from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
+from common.mapping.mapper import Mapper
+from common.messages.experience import End
+from common.planners.base import TaskName
+from common.planners.depth import Depth
+from common.planners.learned import LearnedPlanner, bare_planner
+from common.planners.registry import make_planner
+from common.shipped import shipped_policy
+
+MAPPING = MappingConfig()
+
+
+def environment_in(name: str, number: int, task: TaskName = "exploration") -> Environment:
+    simulator = GridSimulator(SimulatorConfig(name="grid", rays=360), MAPPING.sensor_range)
+    environment = Environment(simulator, MAPPING, make_task(TaskConfig(name=task)), RewardConfig(), 200)
+    environment.reset(make_generator(name, {}).world(number, 0.25), 0, on_lattice=False)
+    return environment
+
+
+@pytest.mark.parametrize(
+    ("name", "within"), [("rooms", True), ("forest", True), ("office", False), ("warehouse", False), ("tunnel", False)]
+)
+def test_worlds_are_told_apart_early(name: str, within: bool) -> None:
+    for number in (5_000_000 + k for k in range(3)):
+        environment = environment_in(name, number)
+        planner = make_planner("nearest", MAPPING)
+        depth = Depth(MAPPING)
+        judged = depth.within(environment.mapper)
+        while environment.end is End.NONE and environment.mapper.explored_area < 260.0:
+            plan = planner.plan(environment.mapper, environment.pose)
+            assert plan.waypoint is not None
+            environment.step_to(plan.waypoint, plan.via)
+            judged = depth.within(environment.mapper)
+        assert judged == within, number
+        # Once and for all.
+        other = "office" if within else "rooms"
+        assert depth.within(environment_in(other, number).mapper) == within
+
+
+@pytest.mark.parametrize(("task", "classical"), [("exploration", "tour"), ("navigation", "dstar_lite")])
+def test_where_the_policy_is_out_of_its_depth_a_classical_planner_decides(task: TaskName, classical: str) -> None:
+    environment = environment_in("office", 5_000_001, task)
+    learned, planner = LearnedPlanner(MAPPING), make_planner(classical, MAPPING)
+    for each in (learned, planner):
+        each.reset(task, environment.task.target, 0)
+    for decision in range(1, 13):
+        plan, expected = (each.plan(environment.mapper, environment.pose) for each in (learned, planner))
+        assert plan.waypoint == expected.waypoint is not None
+        assert learned.guarded == decision and learned.attention is None
+        environment.step_to(plan.waypoint, plan.via)
+
+
+def waypoints(planner: LearnedPlanner, mapper: Mapper, environment: Environment) -> list[object]:
+    planner.reset("exploration", None, 0)
+    return [planner.plan(mapper, environment.pose).waypoint]
+
+
+def test_within_its_depth_the_shipped_policy_decides() -> None:
+    environment = environment_in("rooms", 5_000_000)
+    learned, bare = LearnedPlanner(MAPPING), bare_planner(MAPPING)
+    own = LearnedPlanner(MAPPING, policy=shipped_policy("exploration"))
+    chosen = [waypoints(planner, environment.mapper, environment) for planner in (learned, bare, own)]
+    assert chosen[0] == chosen[1] == chosen[2]
+    assert learned.guarded == 0 and learned.attention is not None
+
+
+def test_a_policy_of_ones_own_has_no_guard() -> None:
+    environment = environment_in("office", 5_000_001)
+    own = LearnedPlanner(MAPPING, policy=shipped_policy("exploration"))
+    own.reset("exploration", None, 0)
+    own.plan(environment.mapper, environment.pose)
+    assert own.guarded == 0 and own.attention is not None
