@@ -120,6 +120,8 @@ class DecisionConfig(Section):
     """The navigation target counts as reached within this distance, metres."""
     goal: Point | None = None
     """Navigation target (x, y) in the map frame, metres, when no topic gives one."""
+    goal_reach: Positive = 500.0
+    """Targets farther from the robot are refused, metres: planning takes memory with the square of the distance."""
     completion_checks: Annotated[int, Field(ge=1)] = 5
     """The planner must say so many times in a row, on new maps, that nothing is left before the task ends."""
     status_rate: Positive = 2.0

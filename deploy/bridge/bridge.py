@@ -103,7 +103,8 @@ class Bridge(Closing):
         Geofence(config.safety.geofence)
         self._live = enter(LivePolicy(config)) if config.decision.live_run is not None else None
         self._team = make_team(config)
-        self._mission = Mission(config.decision.task, config.decision.goal)
+        decision = config.decision
+        self._mission = Mission(decision.task, decision.goal, decision.goal_reach, self._position)
         warm_up(config, self._team.members(config.decision.task))
         self._map = RobotMap(with_planning_set(config, self._team), self._mission.orders.target)
         self._health = HealthMonitor(config.safety, sensor=config.sensing.source)
@@ -134,6 +135,10 @@ class Bridge(Closing):
         enter(declare_presence(node.session, config.name, "robot", config.name))
         self._next_status = self._next_picture = 0.0
         self._started_by_itself = False
+
+    def _position(self) -> tuple[float, float] | None:
+        pose = self._map.pose
+        return None if pose is None else pose.position
 
     def _pass(self) -> None:
         """Run one pass: decide, drive, tell."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from math import isfinite, nan
+from typing import Any, Final, Protocol
 
 from common.errors import HDError
 from common.messages.replies import ROBOT_VERBS, ControlRequest
@@ -17,6 +18,9 @@ from deploy.ros2 import Message, Node, Received, RosError, message
 from deploy.ros2.conversions import pose_from_stamped, position_from
 
 log = logging.getLogger(__name__)
+
+# Of what a peer sent, an answer and the log repeat no more characters.
+_SHOWN: Final = 40
 
 
 class Stopper(Protocol):
@@ -71,7 +75,7 @@ class Commands:
             CommandError: it is unknown, lacks an argument, or cannot be carried out now.
         """
         if verb != "status":
-            log.info("command: %s%s", verb, f" {dict(arguments)}" if arguments else "")
+            log.info("command: %s%s", verb, f" {str(dict(arguments))[:200]}" if arguments else "")
         if verb == "goal":
             self._mission.goal(_position(arguments))
         elif verb == "stop":
@@ -146,7 +150,12 @@ class TopicCommands:
 
 
 def _position(arguments: Mapping[str, Any]) -> Position:
+    """Return the place of a goal; whatever a peer sent instead of two numbers of metres is refused in one sentence."""
     try:
-        return float(arguments["x"]), float(arguments["y"])
-    except (KeyError, TypeError, ValueError):
-        raise CommandError(f"a goal needs the numbers x and y in metres, got {dict(arguments)}") from None
+        x, y = float(arguments["x"]), float(arguments["y"])
+    except (KeyError, TypeError, ValueError, OverflowError):
+        x = y = nan
+    if not (isfinite(x) and isfinite(y)):
+        came = {name: str(value)[:_SHOWN] for name, value in list(arguments.items())[:4]}
+        raise CommandError(f"a goal needs two finite numbers x and y, metres in the map frame, got {came}")
+    return x, y

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 from common.errors import HDError
+
+_LONGEST: Final = 1000
 
 
 class CommandError(HDError):
@@ -17,6 +19,8 @@ def parse(text: str) -> tuple[str, dict[str, Any]]:
     Raises:
         CommandError: it is empty, or has words that the command does not take.
     """
+    if len(text) > _LONGEST:
+        raise CommandError(f"a command has at most {_LONGEST} characters, got {len(text)}")
     verb, *rest = text.replace(",", " ").split() or [""]
     verb = verb.lower().replace("-", "_")
     if verb == "goal":
