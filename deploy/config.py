@@ -170,6 +170,9 @@ class SafetyConfig(Section):
     """Zero velocity when no scan, cloud or map came for so long, seconds."""
     pose_timeout: Positive = 1.0
     """Zero velocity when no pose came for so long, seconds."""
+    min_beams: Fraction = 0.1
+    """A scan or cloud in which a smaller share of beams or points tells anything is blind: three in a row stop the
+    robot."""
     bridge_timeout: Positive = 0.3
     """The watchdog sends zero velocity when the bridge was silent for so long, seconds."""
     zero_for: Positive = 5.0
