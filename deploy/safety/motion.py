@@ -112,15 +112,15 @@ class MotionWatch:
             self._poses += 1
             if now - since < _PATIENCE or self._poses < _POSES:
                 return
+            pace = min(max((stamp - stamped) / (now - since), 0.0), 1.0)
             for what, source in self._sources.items():
-                if source.far:
-                    self._fault = (
-                        now,
-                        (
-                            f"the pose stands still while {what}: {hypot(source.x, source.y):.2f} m and "
-                            f"{abs(source.yaw):.2f} rad were to be seen, {shown[0]:.2f} m and {shown[1]:.2f} rad were"
-                        ),
+                way, turn = source.expected(pace)
+                if way >= _EXPECTED[0] or turn >= _EXPECTED[1]:
+                    reason = (
+                        f"the pose stands still while {what}: {way:.2f} m and {turn:.2f} rad were to be seen, "
+                        f"{shown[0]:.2f} m and {shown[1]:.2f} rad were"
                     )
+                    self._fault = now, reason
                     return
 
     def forgive(self) -> None:
