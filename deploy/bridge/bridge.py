@@ -14,6 +14,7 @@ from common.bus.control import ControlServer
 from common.bus.liveness import declare_presence
 from common.closing import Closing
 from common.messages.replies import ROBOT_VERBS
+from deploy.bridge.alone import NameProbe, Rivals, new_instance
 from deploy.bridge.commands import Commands, TopicCommands
 from deploy.bridge.decision import DecisionLoop
 from deploy.bridge.drawing import draw
@@ -101,11 +102,16 @@ class Bridge(Closing):
         config, enter = self._config, self._parts.enter_context
         sys.setswitchinterval(_SWITCH_INTERVAL)
         Geofence(config.safety.geofence)
+        # A bridge that is the router itself has a network of its own.
+        probe = None if config.ros.listen else enter(NameProbe(config))
         self._live = enter(LivePolicy(config)) if config.decision.live_run is not None else None
         self._team = make_team(config)
         decision = config.decision
         self._mission = Mission(decision.task, decision.goal, decision.goal_reach, self._position)
         warm_up(config, self._team.members(config.decision.task))
+        if probe is not None:
+            # Before the watchdog: its zeros would stop the other bridge's robot.
+            probe.check()
         self._map = RobotMap(with_planning_set(config, self._team), self._mission.orders.target)
         self._health = HealthMonitor(config.safety, sensor=config.sensing.source)
         self._inputs = Inputs(config, self._map, self._health)
@@ -116,7 +122,8 @@ class Bridge(Closing):
         self._gate.use_when_watchdog_dies(node)
         self._outputs = Outputs(node, config)
         self._outcome = self._loop.step()
-        self._reporter = Reporter(config, self._inputs, self._metrics, self._map, self._team, self._problems)
+        instance = new_instance()
+        self._reporter = Reporter(config, self._inputs, self._metrics, self._map, self._team, self._problems, instance)
         self._driver = enter(
             Driver(
                 config,
@@ -133,6 +140,7 @@ class Bridge(Closing):
         TopicCommands(commands, config, node)
         enter(ControlServer(node.session, config.name, commands, ROBOT_VERBS))
         enter(declare_presence(node.session, config.name, "robot", config.name))
+        self._rivals = enter(Rivals(node.session, config.name, instance))
         self._next_status = self._next_picture = 0.0
         self._started_by_itself = False
 
@@ -146,6 +154,9 @@ class Bridge(Closing):
         if self._live is not None:
             self._live.refresh(self._team)
         outcome = self._outcome = self._loop.step()
+        rivals = self._rivals.problem
+        if rivals:
+            outcome = self._outcome = replace(outcome, hold=rivals, course=None, aim=None)
         if outcome.course is not None and not outcome.hold:
             self._driver.follow(outcome.course.route)
         else:

@@ -20,7 +20,7 @@ CLIENT_TIMEOUT = 2000
 """How long one attempt of a client to connect may last, milliseconds: Zenoh cannot be interrupted meanwhile."""
 
 
-def open_session(config: RosConfig) -> zenoh.Session:
+def open_session(config: RosConfig, *, wait: bool = True) -> zenoh.Session:
     """Open a session: a router where `listen` is set, else a peer or a client.
 
     - A peer talks to the other nodes directly, as the nodes of rmw_zenoh do: routers do not pass messages on between
@@ -28,8 +28,12 @@ def open_session(config: RosConfig) -> zenoh.Session:
     - A client needs a router, which passes on everything from and to clients. It waits until the router is there;
       afterwards it never stops trying to connect.
 
+    Args:
+        config: endpoints and mode.
+        wait: whether a client waits for its router.
+
     Raises:
-        RosError: when an endpoint is malformed, or taken.
+        RosError: when an endpoint is malformed, or taken, or a client that is not to wait finds no router.
     """
     if not config.connect and not config.listen:
         raise RosError("ros.connect or ros.listen needs an endpoint, such as tcp/127.0.0.1:7447")
@@ -46,7 +50,7 @@ def open_session(config: RosConfig) -> zenoh.Session:
         try:
             return _open(config, "client", (), CLIENT_TIMEOUT)
         except RosError as error:
-            if "imeout" not in str(error) and "Unable to connect" not in str(error):
+            if not wait or ("imeout" not in str(error) and "Unable to connect" not in str(error)):
                 raise
             if not waited:
                 log.warning("waiting for the Zenoh router at %s", ", ".join(config.connect))

@@ -11,6 +11,7 @@ import tomllib
 import pytest
 from typer.testing import CliRunner
 
+from common.bus.liveness import declare_presence
 from common.config.describe import to_toml
 from deploy.bridge.bridge import Bridge
 from deploy.cli import app
@@ -68,7 +69,7 @@ def test_commands_reach_a_bridge_and_topics_shows_it():
     router, config = network(mapping=MAPPING, decision={"task": "navigation", "planner": "astar"})
     endpoint = config.ros.connect[0]
     stop = threading.Event()
-    with FakeRobot(DEAD_END, router), Bridge(config) as bridge:
+    with FakeRobot(DEAD_END, router) as robot, Bridge(config) as bridge:
         thread = threading.Thread(target=bridge.run, args=(stop,))
         thread.start()
         try:
@@ -81,6 +82,15 @@ def test_commands_reach_a_bridge_and_topics_shows_it():
             refused = run("command", "resume", "--connect", endpoint)
             assert refused.exit_code == 1
             assert "nothing to resume" in refused.stderr
+            stopped = run("command", "stop", "--connect", endpoint)
+            assert (stopped.exit_code, stopped.stdout[:7]) == (0, "robot: "), stopped.output
+            with declare_presence(robot.node.session, "robot", "bridge", "deaf"):
+                half = run("command", "stop", "--connect", endpoint, "--timeout", "2")
+                assert half.exit_code == 1
+                assert half.stdout.startswith("robot: ")
+                assert "robot 'robot' did not answer within 2 s (instance deaf): it may still be moving" in half.stderr
+                unclear = run("command", "status", "--connect", endpoint)
+                assert "2 bridges on this network have the name 'robot'" in unclear.stderr
             # On a loaded machine the nodes may find each other later than the command waits for them.
             for _ in range(10):
                 seen = run("topics", "--connect", endpoint)
