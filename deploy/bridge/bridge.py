@@ -28,6 +28,7 @@ from deploy.bridge.outputs import Outputs
 from deploy.bridge.problems import LastProblem
 from deploy.bridge.reporter import Reporter
 from deploy.bridge.team import make_team, with_planning_set
+from deploy.bridge.velocity_watch import VelocityWatch
 from deploy.bridge.warmup import warm_up
 from deploy.config import DeployConfig
 from deploy.mapping.robot_map import RobotMap
@@ -136,11 +137,13 @@ class Bridge(Closing):
             )
         )
         self._inputs.subscribe(node)
-        commands = Commands(self._mission, self._gate, self.status)
+        commands = Commands(self._mission, self._gate, self.status, self._health.try_again)
         TopicCommands(commands, config, node)
         enter(ControlServer(node.session, config.name, commands, ROBOT_VERBS))
         enter(declare_presence(node.session, config.name, "robot", config.name))
         self._rivals = enter(Rivals(node.session, config.name, instance))
+        if config.driving.enabled:
+            enter(VelocityWatch(node, config))
         self._next_status = self._next_picture = 0.0
         self._started_by_itself = False
 
@@ -151,6 +154,8 @@ class Bridge(Closing):
     def _pass(self) -> None:
         """Run one pass: decide, drive, tell."""
         now = time.monotonic()
+        if self._gate.latched:
+            self._mission.emergency_stop(self._gate.state.reason)
         if self._live is not None:
             self._live.refresh(self._team)
         outcome = self._outcome = self._loop.step()
@@ -187,7 +192,9 @@ class Bridge(Closing):
             self._lifecycle.trigger("deactivate")
         if self._config.decision.autostart and not self._started_by_itself and outcome.mapper is not None:
             self._started_by_itself = True
-            self._mission.start()
+            # What was latched meanwhile takes a start by command, as always.
+            if not self._gate.latched:
+                self._mission.start()
 
     def _draw(self, outcome: Outcome, stamp: float, now: float) -> None:
         self._outputs.belief(outcome, stamp)

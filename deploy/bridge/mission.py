@@ -149,6 +149,12 @@ class Mission:
         with self._lock:
             self._change(Phase.ABORTED, "aborted by command")
 
+    def emergency_stop(self, reason: str) -> None:
+        """End what the robot does, so that no release sets it in motion: only a new `start` does."""
+        with self._lock:
+            if self._orders.moving or self._orders.phase is Phase.PAUSED:
+                self._change(Phase.ABORTED, f"emergency stop ({reason}): send `start` when it is released")
+
     def return_home(self, reason: str = "called home by command") -> None:
         """Drive to where the task began.
 

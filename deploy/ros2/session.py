@@ -9,6 +9,7 @@ from typing import Any
 import zenoh
 
 from common.bus.endpoint import is_loopback
+from common.bus.tls import access_settings, tls_settings
 from deploy.network_config import RosConfig
 from deploy.ros2.errors import RosError
 
@@ -16,6 +17,8 @@ log = logging.getLogger(__name__)
 
 MAX_MESSAGE = 64 << 20
 """Larger messages are refused before anything is allocated for them, bytes."""
+LOOPBACK = "tcp/127.0.0.1:0"
+"""Where a peer listens for the others of its machine."""
 CLIENT_TIMEOUT = 2000
 """How long one attempt of a client to connect may last, milliseconds: Zenoh cannot be interrupted meanwhile."""
 
@@ -44,7 +47,7 @@ def open_session(config: RosConfig, *, wait: bool = True) -> zenoh.Session:
         return _open(config, "router", config.listen, -1)
     local = all(is_loopback(endpoint) for endpoint in config.connect)
     if config.mode == "peer" or (config.mode == "auto" and local):
-        return _open(config, "peer", ("tcp/127.0.0.1:0",), -1)
+        return _open(config, "peer", (LOOPBACK,), -1)
     waited = False
     while True:
         try:
@@ -65,11 +68,15 @@ def guest_of(config: RosConfig) -> RosConfig:
 
 
 def _open(config: RosConfig, mode: str, listen: tuple[str, ...], timeout: int) -> zenoh.Session:
+    link: dict[str, Any] = {"tx": {"lease": 2000}, "rx": {"max_message_size": MAX_MESSAGE}}
+    if config.tls_ca is not None:
+        # With certificates nothing may enter beside TLS.
+        link |= {"protocols": ["tls"], "tls": tls_settings(config)}
     settings: dict[str, Any] = {
         "mode": mode,
-        "listen": {"endpoints": list(listen)},
+        "listen": {"endpoints": [_secured(endpoint, config) for endpoint in listen]},
         "connect": {
-            "endpoints": [endpoint for endpoint in config.connect if endpoint not in listen],
+            "endpoints": [_secured(endpoint, config) for endpoint in config.connect if endpoint not in listen],
             "timeout_ms": timeout,
             "exit_on_failure": False,
             "retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
@@ -83,12 +90,31 @@ def _open(config: RosConfig, mode: str, listen: tuple[str, ...], timeout: int) -
         # Latched publishers tell messages apart by their time.
         "timestamping": {"enabled": True},
         "transport": {
-            "link": {"tx": {"lease": 2000}, "rx": {"max_message_size": MAX_MESSAGE}},
+            "link": link,
             "shared_memory": {"enabled": False},
         },
     }
+    if config.tls_access is not None and mode == "router":
+        settings["access_control"] = access_settings(config)
+    open_to = [endpoint for endpoint in listen if not is_loopback(endpoint)]
+    if open_to and config.tls_ca is None:
+        log.warning(
+            "listening on %s without TLS: everybody who reaches this address can command the robot and send it "
+            "velocities; set ros.tls_ca, ros.tls_certificate and ros.tls_key, or listen on 127.0.0.1",
+            ", ".join(open_to),
+        )
     try:
         return zenoh.open(zenoh.Config.from_json5(json.dumps(settings)))
     except zenoh.ZError as error:
         endpoints = ", ".join(listen or config.connect)
         raise RosError(f"cannot join Zenoh at {endpoints}: {error}; correct ros.listen or ros.connect") from None
+
+
+def _secured(endpoint: str, config: RosConfig) -> str:
+    """Return an endpoint; with TLS files, tcp becomes tls."""
+    protocol, _, address = endpoint.partition("/")
+    if config.tls_ca is not None and protocol == "tcp":
+        return f"tls/{address}"
+    if config.tls_ca is None and protocol == "tls":
+        raise RosError(f"{endpoint} needs certificates: set ros.tls_ca, ros.tls_certificate and ros.tls_key")
+    return endpoint
