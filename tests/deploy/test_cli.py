@@ -49,6 +49,9 @@ def test_config_prints_what_it_reads(tmp_path):
         (["bridge", "--set", "safety.geofence=[[0,0],[2,2],[2,0],[0,2]]"], "sides do not cross"),
         (["bridge", "--set", "decision.live_run=office"], "live_connect"),
         (["command", "goal", "1"], "goal X Y"),
+        (["command", "release"], "command release --who NAME --why REASON"),
+        (["command", "release", "--who", "anna"], "says who they are and why it is safe"),
+        (["command", "start", "--who", "anna"], "--who and --why are for `release`"),
     ],
 )
 def test_a_mistake_is_one_line_and_a_non_zero_exit(words, message):

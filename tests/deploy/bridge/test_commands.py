@@ -4,26 +4,33 @@ import pytest
 
 from deploy.bridge.commands import Commands
 from deploy.bridge.mission import Mission, Phase
-from deploy.bridge.words import CommandError
+from deploy.bridge.words import CommandError, parse
 
 
 class Gate:
+    """A watchdog that obeys at once, unless its topic latches the stop again."""
+
     def __init__(self):
-        self.latched = ""
+        self.reason = ""
+        self.pressed = False
+
+    @property
+    def latched(self):
+        return bool(self.reason) or self.pressed
 
     def emergency_stop(self, reason):
-        self.latched = reason
+        self.reason = reason
 
     def release(self):
-        self.latched = ""
+        self.reason = ""
 
 
-def robot_at(x=0.0, y=0.0, *, moving=True):
+def robot_at(x=0.0, y=0.0, *, moving=True, gate=None):
     """The mission and the commands of a robot that navigates."""
     mission = Mission("navigation", (3.0, 0.0), 500.0, lambda: (x, y))
     if moving:
         mission.start()
-    return mission, Commands(mission, Gate(), lambda: {"state": mission.orders.phase.value})
+    return mission, Commands(mission, gate or Gate(), lambda: {"state": mission.orders.phase.value})
 
 
 @pytest.mark.parametrize(
@@ -51,7 +58,32 @@ def test_how_far_a_goal_may_be_is_measured_from_the_robot():
 
 
 def test_an_endless_command_is_refused_by_its_length():
-    from deploy.bridge.words import parse
-
     with pytest.raises(CommandError, match="at most 1000 characters, got 2005"):
         parse("stop " + 2000 * "x")
+
+
+@pytest.mark.parametrize("paused", [False, True])
+def test_a_release_needs_who_and_why_and_starts_nothing(paused):
+    mission, commands = robot_at()
+    if paused:
+        mission.pause()
+    assert commands.carry_out("stop", {"reason": "a person"})["state"] == "aborted"
+    for incomplete in ({}, {"who": "anna"}, {"why": "clear"}, {"who": " ", "why": "x"}, {"who": 1, "why": ["x"]}):
+        with pytest.raises(CommandError, match="command release --who NAME --why REASON"):
+            commands.carry_out("release", incomplete)
+    for verb, arguments in (("start", {}), ("resume", {}), ("return_home", {}), ("goal", {"x": 1.0, "y": 1.0})):
+        with pytest.raises(CommandError, match="the emergency stop is latched"):
+            commands.carry_out(verb, arguments)
+    assert commands.carry_out("release", {"who": "anna", "why": "clear"})["state"] == "aborted"
+    with pytest.raises(CommandError, match="nothing to resume"):
+        commands.carry_out("resume", {})
+    assert commands.carry_out("goal", {"x": 4.0, "y": 0.0})["state"] == "aborted"
+    assert commands.carry_out("start", {})["state"] == "running"
+
+
+def test_a_release_that_another_node_overrules_fails():
+    gate = Gate()
+    _, commands = robot_at(gate=gate)
+    gate.pressed = True
+    with pytest.raises(CommandError, match="its topic says so again"):
+        commands.carry_out("release", {"who": "anna", "why": "clear"})
