@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import json
 import os
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
+import zenoh
 from rich.console import Console
 from rich.table import Table
 
 from common.bus.control import request
+from common.bus.fleet import Answers, bridges_at, command_all
 from common.cli import command_errors
 from common.config.describe import to_markdown, to_toml
 from common.errors import BusError
 from common.logs import setup_logging
-from deploy.bridge.words import parse
+from deploy.bridge.words import CommandError, parse, release_of
 from deploy.config import DeployConfig
 from deploy.profiles import DEPLOY, load_deploy_config
 from deploy.recording.cli import app as recording_app
@@ -25,6 +28,9 @@ from deploy.robot.cli import DEMO_EXAMPLES, demo, robot
 from deploy.robot.cli import EXAMPLES as ROBOT_EXAMPLES
 from deploy.ros2.graph import watch
 from deploy.ros2.session import guest_of, open_session
+
+# Seconds in which a bridge shows up that is there.
+_LOOK = 2.0
 
 app = typer.Typer(
     add_completion=True,
@@ -124,6 +130,8 @@ def command(
     profile: Profile = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
+    who: Annotated[str | None, typer.Option("--who", help="Who releases the emergency stop.", metavar="NAME")] = None,
+    why: Annotated[str | None, typer.Option("--why", help="Why it is safe to release it.", metavar="REASON")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the whole status as JSON.")] = False,
     timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds to wait for the robot.")] = 5.0,
 ) -> None:
@@ -132,23 +140,42 @@ def command(
     Examples:
     - `hd-deploy command start`
 
+    - `hd-deploy command stop` stops every robot on the network, and fails unless each one says that it did
+
+    - `hd-deploy command release --who anna --why "the hall is empty"`; the robot stands until the next `start`
+
     - `hd-deploy command goal 12.5 -3`
 
     - `hd-deploy command status --json | jq .explored_area`
     """
     verb, arguments = parse(" ".join(words))
+    if verb == "release":
+        arguments = {"who": who or "", "why": why or ""}
+        release_of(arguments)
+    elif who or why:
+        raise CommandError(f"--who and --why are for `release`, not for {verb!r}")
     resolved = _load(profile, config, overrides, connect, name)
-    try:
-        with open_session(guest_of(resolved.ros)) as session:
-            status = request(session, resolved.name, verb, timeout, arguments, asked="robot")
-    except BusError as error:
-        raise BusError(f"{error} (asked at {', '.join(guest_of(resolved.ros).connect)})") from None
+    where = ", ".join(guest_of(resolved.ros).connect)
+    with open_session(guest_of(resolved.ros)) as session:
+        if verb == "stop":
+            # Without a name, a stop is meant for every robot on the network.
+            answers = command_all(session, resolved.name if resolved.named else None, verb, timeout, arguments)
+        else:
+            _check_unique(session, resolved.name, min(timeout, _LOOK))
+            try:
+                status = request(session, resolved.name, verb, timeout, arguments, asked="robot")
+            except BusError as error:
+                raise BusError(f"{error} (asked at {where})") from None
+            answers = Answers({(resolved.name, ""): status})
+    states = list(answers.states.values())
     if as_json:
-        typer.echo(json.dumps(status, indent=2))
+        typer.echo(json.dumps(states[0] if len(states) == 1 else states, indent=2))
     elif verb == "status":
-        _show(status)
+        _show(states[0])
     else:
-        typer.echo(f"{resolved.name}: {status['state']}: {status['reason']}")
+        for (robot_name, _), state in sorted(answers.states.items()):
+            typer.echo(f"{robot_name}: {state['state']}: {state['reason']}")
+    _check_complete(answers, resolved, where, timeout)
 
 
 @app.command()
@@ -208,6 +235,37 @@ def config(
         typer.echo(to_markdown(DeployConfig))
     else:
         typer.echo(to_toml(_load(profile, config, overrides, None, None)))
+
+
+def _check_unique(session: zenoh.Session, name: str, patience: float) -> None:
+    """Refuse to command one of several bridges of the same name: nobody could tell which."""
+    until = time.monotonic() + patience
+    while not bridges_at(session, name) and time.monotonic() < until:
+        time.sleep(0.05)
+    # Peers find each other one after the other.
+    time.sleep(0.2)
+    others = bridges_at(session, name)
+    if len(others) > 1:
+        raise BusError(
+            f"{len(others)} bridges on this network have the name {name!r}, so nobody could tell which one obeys: "
+            "`hd-deploy command stop` stops them all; start each with a name of its own"
+        )
+
+
+def _check_complete(answers: Answers, config: DeployConfig, where: str, timeout: float) -> None:
+    """Fail loudly unless everybody who was there has obeyed."""
+    wrong = list(answers.refusals)
+    wrong += [
+        f"robot {name!r} did not answer within {timeout:g} s (instance {instance}): it may still be moving"
+        for name, instance in sorted(answers.missing)
+    ]
+    if not answers.states and not wrong:
+        who = f"no robot {config.name!r}" if config.named else "no robot"
+        wrong.append(
+            f"{who} answered within {timeout:g} s: check that it runs and that the endpoint is right (asked at {where})"
+        )
+    if wrong:
+        raise BusError("; ".join(wrong))
 
 
 def _load(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Final, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -12,6 +13,7 @@ from deploy.network_config import FramesConfig, RosConfig, TopicsConfig
 
 # Viewpoints of the shipped policies lie a fifth of the sensor's range apart.
 SPACINGS_IN_RANGE: Final = 5.0
+DEFAULT_NAME: Final = "robot"
 Point = tuple[float, float]
 NonNegative = Annotated[float, Field(ge=0.0)]
 
@@ -120,6 +122,8 @@ class DecisionConfig(Section):
     """The navigation target counts as reached within this distance, metres."""
     goal: Point | None = None
     """Navigation target (x, y) in the map frame, metres, when no topic gives one."""
+    goal_reach: Positive = 500.0
+    """Targets farther from the robot are refused, metres: planning takes memory with the square of the distance."""
     completion_checks: Annotated[int, Field(ge=1)] = 5
     """The planner must say so many times in a row, on new maps, that nothing is left before the task ends."""
     status_rate: Positive = 2.0
@@ -168,6 +172,9 @@ class SafetyConfig(Section):
     """Zero velocity when no scan, cloud or map came for so long, seconds."""
     pose_timeout: Positive = 1.0
     """Zero velocity when no pose came for so long, seconds."""
+    min_beams: Fraction = 0.1
+    """A scan or cloud in which a smaller share of beams or points tells anything is blind: three in a row stop the
+    robot."""
     bridge_timeout: Positive = 0.3
     """The watchdog sends zero velocity when the bridge was silent for so long, seconds."""
     zero_for: Positive = 5.0
@@ -216,8 +223,9 @@ class RobotMappingConfig(MappingConfig):
 class DeployConfig(Section):
     """A whole bridge."""
 
-    name: str = "robot"
-    """Name of the robot: its prefix on the bus for commands (`hd/<name>/control`); letters a-z, digits, dashes."""
+    name: str = ""
+    """Name of the robot: its prefix on the bus for commands (`hd/<name>/control`); letters a-z, digits, dashes. When
+    not given it is `ros.namespace`, else `robot`; no two bridges of one network may have the same."""
     ros: RosConfig = Field(default_factory=RosConfig)
     """ROS 2 over Zenoh."""
     frames: FramesConfig = Field(default_factory=FramesConfig)
@@ -241,6 +249,18 @@ class DeployConfig(Section):
         if not ID_PATTERN.fullmatch(value):
             raise ValueError("use 1 to 64 lower-case letters, digits and dashes, such as 'robot-2'")
         return value
+
+    @property
+    def named(self) -> bool:
+        """Whether a name was given, by itself or by the namespace."""
+        return "name" in self.model_fields_set or bool(self.ros.namespace.strip("/"))
+
+    @model_validator(mode="after")
+    def _name_follows_the_namespace(self) -> DeployConfig:
+        if "name" not in self.model_fields_set:
+            words = re.sub(r"[^a-z0-9-]+", "-", self.ros.namespace.lower()).strip("-")[:64]
+            object.__setattr__(self, "name", words or DEFAULT_NAME)
+        return self
 
     @model_validator(mode="after")
     def _graph_suits_the_robot(self) -> DeployConfig:

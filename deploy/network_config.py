@@ -29,6 +29,16 @@ class RosConfig(Section):
     """Zenoh endpoints to connect to: the robot's `rmw_zenohd` router or its zenoh-bridge-ros2dds."""
     listen: tuple[str, ...] = ()
     """Zenoh endpoints to listen on, when there is no router at all: the bridge is one then."""
+    tls_ca: str | None = None
+    """Certificate of the authority, as `hd-learner certificates` makes it: with it all links of this network use mutual
+    TLS, and nothing enters beside it."""
+    tls_certificate: str | None = None
+    """This process's certificate; that of a process that listens must name the addresses that others connect to."""
+    tls_key: str | None = None
+    """Private key of the certificate."""
+    tls_access: str | None = None
+    """JSON file of Zenoh's access rules, where the bridge listens: who, by certificate, may publish and command what.
+    Everybody with a certificate of the authority may do everything when not given."""
 
 
 class FramesConfig(Section):

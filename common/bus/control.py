@@ -49,11 +49,15 @@ class ControlServer(QueryServer):
             command = _read(query)
             if command.verb not in self._verbs:
                 raise HDError(f"a command must be one of {', '.join(self._verbs)}, got {command.verb!r}")
-            reply = ControlReply(True, "", self._handle(command))
+            data = encode(ControlReply(True, "", self._handle(command)))
         except HDError as error:
             log.warning("command %s: %s", last_part(str(query.key_expr)), error)
-            reply = ControlReply(False, str(error)[:1000], {})
-        query.reply(query.key_expr, encode(reply))
+            data = encode(ControlReply(False, str(error)[:1000], {}))
+        except Exception as error:
+            # Whoever commands a robot must hear that it failed, and not wait for an answer that never comes.
+            log.exception("command %s failed", last_part(str(query.key_expr)))
+            data = encode(ControlReply(False, f"it failed, see the log: {type(error).__name__}: {error}"[:1000], {}))
+        query.reply(query.key_expr, data)
 
 
 def request(

@@ -9,11 +9,13 @@ from common.errors import BusError
 from common.ids import check_id
 from common.messages.replies import ALL_VERBS
 
-Role = Literal["learner", "actor", "robot", "evaluator"]
+Role = Literal["learner", "actor", "robot", "bridge", "evaluator"]
 ROLES: tuple[Role, ...] = get_args(Role)
 
 ALL_SPECS = "hd/*/spec"
 """Selects the specifications of all runs on the bus."""
+ALL_BRIDGES = "hd/*/live/bridge/*"
+"""Selects the presence of all processes that drive robots."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +88,11 @@ class Keys:
 def last_part(key: str) -> str:
     """Return the last part of a key: the actor of a delivery, the verb of a command."""
     return key.rsplit("/", 1)[-1]
+
+
+def run_of(key: str) -> str:
+    """Return the name of the run, or of the robot, that a key belongs to."""
+    return key.split("/", 2)[1]
 
 
 def process_of(key: str) -> tuple[str, str]:

@@ -22,7 +22,8 @@ class QueryServer(Closing):
     """Answers the queries of one key in threads of its own.
 
     Zenoh's receiving threads only put queries into a queue. A query is finished, answered or not, when `answer`
-    returns; an exception in it is logged and leaves the query unanswered, so that the asker tries again.
+    returns; an exception in it is logged and leaves the query unanswered, so that the asker tries again. Whatever
+    happens to one query, the thread goes on to the next.
 
     Usage::
 
@@ -80,7 +81,8 @@ class QueryServer(Closing):
                     if not self._closed:
                         self._answer(query)
             except Exception:
-                log.exception("a query on %s could not be answered", query.key_expr)
+                # The query is finished here and must not be touched: even its key raises an error now.
+                log.exception("a query on %s could not be answered", self._key)
             finally:
                 with self._lock:
                     self._bytes -= size

@@ -6,12 +6,12 @@ import json
 import logging
 import secrets
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
 import zenoh
 
 from common.bus.endpoint import is_loopback
+from common.bus.tls import access_settings, tls_settings
 from common.config.schema import BusConfig
 from common.errors import BusError
 from common.messages.schema import MAX_WEIGHTS
@@ -43,7 +43,7 @@ def open_learner_session(config: BusConfig) -> zenoh.Session:
     listen = _endpoint(config.listen, config)
     settings = _settings(config, "router", [listen], config.connect)
     if config.tls_access is not None:
-        settings["access_control"] = _access_rules(config)
+        settings["access_control"] = access_settings(config)
     try:
         session = zenoh.open(_zenoh_config(settings))
     except zenoh.ZError as error:
@@ -109,7 +109,7 @@ def _settings(config: BusConfig, mode: str, listen: list[str], connect: Iterable
     if config.tls_ca is not None:
         # With certificates nothing may enter beside TLS.
         link["protocols"] = ["tls"]
-        link["tls"] = _tls(config)
+        link["tls"] = tls_settings(config)
     return {
         "mode": mode,
         "listen": {"endpoints": listen},
@@ -127,35 +127,6 @@ def _settings(config: BusConfig, mode: str, listen: list[str], connect: Iterable
         },
         "transport": {"link": link, "shared_memory": {"enabled": config.shared_memory}},
     }
-
-
-def _tls(config: BusConfig) -> dict[str, Any]:
-    files = {"tls_ca": config.tls_ca, "tls_certificate": config.tls_certificate, "tls_key": config.tls_key}
-    for name, path in files.items():
-        if path is None or not Path(path).is_file():
-            raise BusError(f"{name}: no file {path!r}; make it with 'hd-learner certificates' or correct the path")
-    # A router both listens and connects; a peer's listening half is never used.
-    return {
-        "root_ca_certificate": config.tls_ca,
-        "enable_mtls": True,
-        "close_link_on_expiration": True,
-        "listen_certificate": config.tls_certificate,
-        "listen_private_key": config.tls_key,
-        "connect_certificate": config.tls_certificate,
-        "connect_private_key": config.tls_key,
-    }
-
-
-def _access_rules(config: BusConfig) -> dict[str, Any]:
-    if config.tls_ca is None:
-        raise BusError("tls_access needs tls_ca, tls_certificate and tls_key: without TLS nobody has a name to check")
-    try:
-        rules = json.loads(Path(str(config.tls_access)).read_text("utf-8"))
-    except (OSError, ValueError) as error:
-        raise BusError(f"tls_access: cannot read {config.tls_access!r} as JSON: {error}") from None
-    if not isinstance(rules, dict):
-        raise BusError(f"tls_access: {config.tls_access!r} must hold a JSON object of access rules")
-    return rules
 
 
 def _zenoh_config(settings: dict[str, Any]) -> zenoh.Config:

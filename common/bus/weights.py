@@ -153,13 +153,14 @@ class WeightsPuller(Closing):
             self._calls.put(None)
 
     def _work(self) -> None:
-        try:
-            while not self._closed:
+        while not self._closed:
+            try:
                 self._pull()
-                self._wait_for_call()
-        except zenoh.ZError as error:
-            if not self._closed and not self._session.is_closed():
-                log.error("pulling weights stopped: %s", error)
+            except zenoh.ZError as error:
+                if self._closed or self._session.is_closed():
+                    return
+                log.error("cannot ask for weights, trying again: %s", error)
+            self._wait_for_call()
 
     def _wait_for_call(self) -> None:
         """Wait until a pull is due: a learner appeared, a notice of something new came, or the timer ran out."""
@@ -192,6 +193,10 @@ class WeightsPuller(Closing):
             except MessageError as error:
                 self.refused += 1
                 log.warning("refused weights, keeping version %s: %s", have and have.version, error)
+            except Exception:
+                # This thread is the only one that ever brings weights: one bad reply must not end it.
+                self.refused += 1
+                log.exception("weights could not be read, keeping version %s", have and have.version)
 
     def _consider(self, payload: zenoh.ZBytes) -> None:
         if len(payload) > MAX_WEIGHTS:

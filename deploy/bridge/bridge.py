@@ -14,6 +14,7 @@ from common.bus.control import ControlServer
 from common.bus.liveness import declare_presence
 from common.closing import Closing
 from common.messages.replies import ROBOT_VERBS
+from deploy.bridge.alone import NameProbe, Rivals, new_instance
 from deploy.bridge.commands import Commands, TopicCommands
 from deploy.bridge.decision import DecisionLoop
 from deploy.bridge.drawing import draw
@@ -27,6 +28,7 @@ from deploy.bridge.outputs import Outputs
 from deploy.bridge.problems import LastProblem
 from deploy.bridge.reporter import Reporter
 from deploy.bridge.team import make_team, with_planning_set
+from deploy.bridge.velocity_watch import VelocityWatch
 from deploy.bridge.warmup import warm_up
 from deploy.config import DeployConfig
 from deploy.mapping.robot_map import RobotMap
@@ -101,10 +103,16 @@ class Bridge(Closing):
         config, enter = self._config, self._parts.enter_context
         sys.setswitchinterval(_SWITCH_INTERVAL)
         Geofence(config.safety.geofence)
+        # A bridge that is the router itself has a network of its own.
+        probe = None if config.ros.listen else enter(NameProbe(config))
         self._live = enter(LivePolicy(config)) if config.decision.live_run is not None else None
         self._team = make_team(config)
-        self._mission = Mission(config.decision.task, config.decision.goal)
+        decision = config.decision
+        self._mission = Mission(decision.task, decision.goal, decision.goal_reach, self._position)
         warm_up(config, self._team.members(config.decision.task))
+        if probe is not None:
+            # Before the watchdog: its zeros would stop the other bridge's robot.
+            probe.check()
         self._map = RobotMap(with_planning_set(config, self._team), self._mission.orders.target)
         self._health = HealthMonitor(config.safety, sensor=config.sensing.source)
         self._inputs = Inputs(config, self._map, self._health)
@@ -115,7 +123,8 @@ class Bridge(Closing):
         self._gate.use_when_watchdog_dies(node)
         self._outputs = Outputs(node, config)
         self._outcome = self._loop.step()
-        self._reporter = Reporter(config, self._inputs, self._metrics, self._map, self._team, self._problems)
+        instance = new_instance()
+        self._reporter = Reporter(config, self._inputs, self._metrics, self._map, self._team, self._problems, instance)
         self._driver = enter(
             Driver(
                 config,
@@ -128,19 +137,31 @@ class Bridge(Closing):
             )
         )
         self._inputs.subscribe(node)
-        commands = Commands(self._mission, self._gate, self.status)
+        commands = Commands(self._mission, self._gate, self.status, self._health.try_again)
         TopicCommands(commands, config, node)
         enter(ControlServer(node.session, config.name, commands, ROBOT_VERBS))
         enter(declare_presence(node.session, config.name, "robot", config.name))
+        self._rivals = enter(Rivals(node.session, config.name, instance))
+        if config.driving.enabled:
+            enter(VelocityWatch(node, config))
         self._next_status = self._next_picture = 0.0
         self._started_by_itself = False
+
+    def _position(self) -> tuple[float, float] | None:
+        pose = self._map.pose
+        return None if pose is None else pose.position
 
     def _pass(self) -> None:
         """Run one pass: decide, drive, tell."""
         now = time.monotonic()
+        if self._gate.latched:
+            self._mission.emergency_stop(self._gate.state.reason)
         if self._live is not None:
             self._live.refresh(self._team)
         outcome = self._outcome = self._loop.step()
+        rivals = self._rivals.problem
+        if rivals:
+            outcome = self._outcome = replace(outcome, hold=rivals, course=None, aim=None)
         if outcome.course is not None and not outcome.hold:
             self._driver.follow(outcome.course.route)
         else:
@@ -171,7 +192,9 @@ class Bridge(Closing):
             self._lifecycle.trigger("deactivate")
         if self._config.decision.autostart and not self._started_by_itself and outcome.mapper is not None:
             self._started_by_itself = True
-            self._mission.start()
+            # What was latched meanwhile takes a start by command, as always.
+            if not self._gate.latched:
+                self._mission.start()
 
     def _draw(self, outcome: Outcome, stamp: float, now: float) -> None:
         self._outputs.belief(outcome, stamp)

@@ -4,23 +4,37 @@ from __future__ import annotations
 
 import json
 import logging
+import time
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from math import isfinite, nan
+from typing import Any, Final, Protocol
 
 from common.errors import HDError
 from common.messages.replies import ROBOT_VERBS, ControlRequest
 from common.planners.base import Position
 from deploy.bridge.mission import Mission
-from deploy.bridge.words import CommandError, parse
+from deploy.bridge.words import RELEASE, CommandError, parse, release_of
 from deploy.config import DeployConfig
 from deploy.ros2 import Message, Node, Received, RosError, message
 from deploy.ros2.conversions import pose_from_stamped, position_from
 
 log = logging.getLogger(__name__)
 
+# Of what a peer sent, an answer and the log repeat no more characters.
+_SHOWN: Final = 40
+# Commands that may set the robot in motion.
+_ORDERS: Final = frozenset({"start", "resume", "return_home", "goal"})
+# The watchdog confirms a release within this time, seconds.
+_CONFIRMED: Final = 1.0
+
 
 class Stopper(Protocol):
     """What commands need of `deploy.safety.VelocityGate`."""
+
+    @property
+    def latched(self) -> bool:
+        """Whether the emergency stop is latched."""
+        ...
 
     def emergency_stop(self, reason: str) -> None:
         """Latch the emergency stop."""
@@ -40,11 +54,25 @@ class Commands:
         commands.carry_out("goal", {"x": 4.0, "y": 2.5})
     """
 
-    def __init__(self, mission: Mission, gate: Stopper, state: Callable[[], dict[str, Any]]) -> None:
-        """Command a mission and a watchdog; `state` makes the answer."""
+    def __init__(
+        self,
+        mission: Mission,
+        gate: Stopper,
+        state: Callable[[], dict[str, Any]],
+        on_order: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Command a mission and a watchdog.
+
+        Args:
+            mission: the robot's orders.
+            gate: of the watchdog.
+            state: makes the answer.
+            on_order: called before an order to move is carried out.
+        """
         self._mission = mission
         self._gate = gate
         self._state = state
+        self._on_order = on_order
         self._plain: dict[str, Callable[[], None]] = {
             "status": lambda: None,
             "start": mission.start,
@@ -53,7 +81,6 @@ class Commands:
             "abort": mission.abort,
             "return_home": mission.return_home,
             "reset": mission.reset,
-            "release": gate.release,
         }
 
     def __call__(self, request: ControlRequest) -> dict[str, Any]:
@@ -65,22 +92,46 @@ class Commands:
 
         Args:
             verb: one of `ROBOT_VERBS`.
-            arguments: ``x`` and ``y`` of a goal, metres; perhaps a ``reason`` for a stop; else empty.
+            arguments: ``x`` and ``y`` of a goal, metres; ``who`` and ``why`` of a release; perhaps a ``reason`` for a
+                stop; else empty.
 
         Raises:
             CommandError: it is unknown, lacks an argument, or cannot be carried out now.
         """
         if verb != "status":
-            log.info("command: %s%s", verb, f" {dict(arguments)}" if arguments else "")
+            log.info("command: %s%s", verb, f" {str(dict(arguments))[:200]}" if arguments else "")
+        if verb in _ORDERS:
+            if self._gate.latched:
+                raise CommandError(f"the emergency stop is latched: release it first, by {RELEASE}")
+            self._on_order()
         if verb == "goal":
             self._mission.goal(_position(arguments))
         elif verb == "stop":
-            self._gate.emergency_stop(str(arguments.get("reason", "by command"))[:200])
+            self._stop(str(arguments.get("reason", "by command"))[:200])
+        elif verb == "release":
+            self._release(*release_of(arguments))
         elif verb in self._plain:
             self._plain[verb]()
         else:
             raise CommandError(f"a command must be one of {', '.join(ROBOT_VERBS)}, got {verb!r}")
         return self._state()
+
+    def _stop(self, reason: str) -> None:
+        self._gate.emergency_stop(reason)
+        self._mission.emergency_stop(reason)
+
+    def _release(self, who: str, why: str) -> None:
+        """Release the emergency stop; the robot stands until it is told to start."""
+        self._mission.emergency_stop(f"released by {who}: {why}")
+        self._gate.release()
+        log.warning("the emergency stop is released by %s: %s", who, why)
+        until = time.monotonic() + _CONFIRMED
+        while self._gate.latched:
+            if time.monotonic() > until:
+                raise CommandError(
+                    "the emergency stop stays latched: its topic says so again, or the watchdog does not answer"
+                )
+            time.sleep(0.01)
 
 
 class TopicCommands:
@@ -110,7 +161,7 @@ class TopicCommands:
 
     def _on_command(self, command: Message, received: Received) -> None:
         del received
-        self._answer(command.data[:200], lambda: parse(command.data))
+        self._answer(command.data[:200], lambda: _of_topic(command.data))
 
     def _on_start(self, start: Message, received: Received) -> None:
         del received
@@ -145,8 +196,21 @@ class TopicCommands:
                 log.warning("command %r could not be acknowledged: %s", text, error)
 
 
+def _of_topic(text: str) -> tuple[str, dict[str, Any]]:
+    """Read a command of a topic, where anybody may publish."""
+    verb, arguments = parse(text)
+    if verb == "release":
+        raise CommandError(f"no topic releases the emergency stop: an operator does, by {RELEASE}")
+    return verb, arguments
+
+
 def _position(arguments: Mapping[str, Any]) -> Position:
+    """Return the place of a goal; whatever a peer sent instead of two numbers of metres is refused in one sentence."""
     try:
-        return float(arguments["x"]), float(arguments["y"])
-    except (KeyError, TypeError, ValueError):
-        raise CommandError(f"a goal needs the numbers x and y in metres, got {dict(arguments)}") from None
+        x, y = float(arguments["x"]), float(arguments["y"])
+    except (KeyError, TypeError, ValueError, OverflowError):
+        x = y = nan
+    if not (isfinite(x) and isfinite(y)):
+        came = {name: str(value)[:_SHOWN] for name, value in list(arguments.items())[:4]}
+        raise CommandError(f"a goal needs two finite numbers x and y, metres in the map frame, got {came}")
+    return x, y

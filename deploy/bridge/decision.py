@@ -16,7 +16,7 @@ from deploy.bridge.completion import CompletionChecks
 from deploy.bridge.diagnosis import diagnose
 from deploy.bridge.legs import begun_at, drivable, free_in, nothing_to_see
 from deploy.bridge.map_source import MapSource
-from deploy.bridge.mission import Mission, Orders, Phase
+from deploy.bridge.mission import Mission, Orders, Phase, too_far
 from deploy.bridge.outcome import Course, Outcome
 from deploy.bridge.oversight import Oversight
 from deploy.bridge.team import PlannerError, PlannerTeam
@@ -297,12 +297,16 @@ class DecisionLoop:
             self._stand(f"check {self._checks.count} of {self._checks.needed}: {text}")
 
     def _at_goal(self, pose: Pose) -> bool:
-        """End the task when the robot is at its target, or home."""
+        """End the task when the robot is at its target, or home, and when the target is out of reach."""
         orders = self._mission.orders
         returning = orders.phase is Phase.RETURNING
         goal = orders.home if returning else orders.target
         if goal is None or pose.distance_to(goal) > self._config.goal_radius:
-            return False
+            # A target of the configuration is first measured here, and a way home is always as far as it is.
+            far = "" if goal is None or returning else too_far(goal, pose.position, self._config.goal_reach)
+            if far:
+                self._end(Phase.FAILED, far)
+            return bool(far)
         what = "back where it began" if returning else "at its target"
         self._end(Phase.FINISHED, f"the robot is {what}, {pose.distance_to(goal):.2f} m from the very point")
         return True

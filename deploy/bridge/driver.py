@@ -132,6 +132,7 @@ class Driver(Closing):
         kind = _FIGURES.sub("", reason)
         if kind != self._held[0]:
             self._held = kind, reason
+        self._health.commanded(time.monotonic(), 0.0, 0.0)
         self._gate.hold(self._held[1])
 
     def _run(self) -> None:
@@ -181,6 +182,9 @@ class Driver(Closing):
         command = self._planner.command(pose, self._velocity(), wish.route, obstacles, period)
         self._held = ("", "")
         self._gate.wish(command.linear, command.angular)
+        # What the watchdog keeps from the wheels need not show in the pose.
+        passed = (command.linear, command.angular) if self._gate.state.clear else (0.0, 0.0)
+        self._health.commanded(now, *passed)
         if command.blocked and not self._told_blocked:
             self._told_blocked = True
             self._on_blocked(command.reason)

@@ -9,9 +9,10 @@ from collections.abc import Callable
 from common.geometry import Pose
 from deploy.config import DeployConfig
 from deploy.mapping.robot_map import RobotMap
-from deploy.ros2 import LATCHED, RELIABLE, SENSOR, STATIC, Message, Node, QoS, Received, seconds
+from deploy.ros2 import LATCHED, RELIABLE, SENSOR, STATIC, Message, Node, QoS, Received, RosError, seconds
 from deploy.ros2.conversions import grid_from, points_from, pose_from, scan_from, transforms_from
-from deploy.safety.health import HealthMonitor
+from deploy.safety.health import Fault, FaultKind, HealthMonitor
+from deploy.safety.sight import Sight
 
 # Poses come fast; those that a busy moment leaves waiting are still good for the buffer.
 _POSES = QoS(depth=50)
@@ -34,6 +35,7 @@ class Inputs:
         self._map = robot_map
         self._health = health
         self._arrived: dict[str, float] = {}
+        self._sight = {name: Sight(config.safety, config.sensing.range_min) for name in ("scan", "points")}
         self._lock = threading.Lock()
         self._travelled = 0.0
         self._last_position: tuple[float, float] | None = None
@@ -72,6 +74,7 @@ class Inputs:
         """Take a nav_msgs/Odometry."""
         stamp, pose, velocity = pose_from(odometry)
         self.velocity = velocity
+        self._health.measured(received.time, *velocity)
         self._came("odometry", received)
         if self._config.sensing.pose == "odometry":
             floor = odometry.pose.pose.position.z - self._config.sensing.pose_height
@@ -97,14 +100,34 @@ class Inputs:
         self._came("tf_static", received)
 
     def take_scan(self, scan: Message, received: Received) -> None:
-        """Take a sensor_msgs/LaserScan."""
-        self._map.add_scan(seconds(scan.header.stamp), scan_from(scan), scan.header.frame_id)
-        self._sensed("scan", received)
+        """Take a sensor_msgs/LaserScan; one that is not sound is no part of the map."""
+        stamp = seconds(scan.header.stamp)
+        try:
+            read = scan_from(scan)
+        except RosError as error:
+            self._sensed("scan", received, stamp, Fault(FaultKind.SENSOR_INVALID, str(error)))
+            raise
+        fault = self._sight["scan"].scan(scan, read, self._map.pose, received.time)
+        if fault is None or fault.kind is FaultKind.SENSOR_BLIND:
+            self._map.add_scan(stamp, read, scan.header.frame_id)
+        else:
+            self._map.refuse(fault.kind.value, fault.reason)
+        self._sensed("scan", received, stamp, fault)
 
     def take_points(self, cloud: Message, received: Received) -> None:
-        """Take a sensor_msgs/PointCloud2."""
-        self._map.add_points(seconds(cloud.header.stamp), points_from(cloud), cloud.header.frame_id)
-        self._sensed("points", received)
+        """Take a sensor_msgs/PointCloud2; one that is not sound is no part of the map."""
+        stamp = seconds(cloud.header.stamp)
+        try:
+            points = points_from(cloud)
+        except RosError as error:
+            self._sensed("points", received, stamp, Fault(FaultKind.SENSOR_INVALID, str(error)))
+            raise
+        fault = self._sight["points"].points(cloud, points, self._map.pose, received.time)
+        if fault is None or fault.kind is FaultKind.SENSOR_BLIND:
+            self._map.add_points(stamp, points, cloud.header.frame_id)
+        else:
+            self._map.refuse(fault.kind.value, fault.reason)
+        self._sensed("points", received, stamp, fault)
 
     def take_grid(self, grid: Message, received: Received) -> None:
         """Take a nav_msgs/OccupancyGrid."""
@@ -124,10 +147,10 @@ class Inputs:
                 self._last_position = pose.position
                 self._travelled += step
 
-    def _sensed(self, name: str, received: Received) -> None:
+    def _sensed(self, name: str, received: Received, stamp: float | None = None, fault: Fault | None = None) -> None:
         self._came(name, received)
         if name == self._config.sensing.source:
-            self._health.heard_sensor(received.time)
+            self._health.heard_sensor(received.time, stamp, fault)
 
     def _came(self, name: str, received: Received) -> None:
         with self._lock:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from math import isfinite
+from math import hypot, inf, isfinite
 
 from common.planners.base import Position, TaskName
 from deploy.bridge.words import CommandError
@@ -71,14 +72,24 @@ class Mission:
         while mission.orders.moving: ...
     """
 
-    def __init__(self, task: TaskName, target: Position | None = None) -> None:
+    def __init__(
+        self,
+        task: TaskName,
+        target: Position | None = None,
+        reach: float = inf,
+        here: Callable[[], Position | None] = lambda: None,
+    ) -> None:
         """Begin idle.
 
         Args:
             task: exploration or navigation.
             target: of navigation, when it is known already; an exploration has none.
+            reach: farthest target from the robot, metres.
+            here: returns where the robot is, map frame; None while that is not known.
         """
         self.task = task
+        self._reach = reach
+        self._here = here
         self._lock = threading.Lock()
         self._orders = Orders(target=target if task == "navigation" else None)
 
@@ -138,6 +149,12 @@ class Mission:
         with self._lock:
             self._change(Phase.ABORTED, "aborted by command")
 
+    def emergency_stop(self, reason: str) -> None:
+        """End what the robot does, so that no release sets it in motion: only a new `start` does."""
+        with self._lock:
+            if self._orders.moving or self._orders.phase is Phase.PAUSED:
+                self._change(Phase.ABORTED, f"emergency stop ({reason}): send `start` when it is released")
+
     def return_home(self, reason: str = "called home by command") -> None:
         """Drive to where the task began.
 
@@ -160,12 +177,16 @@ class Mission:
         """Set the target of navigation; a robot under way goes there at once, one that waits does with `start`.
 
         Raises:
-            CommandError: the target is not finite, or the task is exploration.
+            CommandError: the target is not finite or too far away, or the task is exploration.
         """
         if self.task != "navigation":
             raise CommandError("this bridge explores and takes no target: set decision.task=navigation and restart it")
         if not (isfinite(target[0]) and isfinite(target[1])):
             raise CommandError(f"a target must be two finite numbers in metres, got {target}")
+        # Before the first pose, the frame's origin stands for the robot; the decision loop looks again when it begins.
+        far = too_far(target, self._here() or (0.0, 0.0), self._reach)
+        if far:
+            raise CommandError(far)
         with self._lock:
             self._orders = replace(self._orders, target=target)
             if self._orders.phase in {Phase.RUNNING, Phase.FINISHED, Phase.FAILED}:
@@ -186,3 +207,15 @@ class Mission:
     def _change(self, phase: Phase, reason: str, *, new_episode: bool = False) -> None:
         episode = self._orders.episode + int(new_episode)
         self._orders = replace(self._orders, phase=phase, reason=reason, episode=episode)
+
+
+def too_far(target: Position, here: Position, reach: float) -> str:
+    """Say in one sentence that a target lies farther from the robot than it may; empty when it does not."""
+    distance = hypot(target[0] - here[0], target[1] - here[1])
+    if distance <= reach:
+        return ""
+    return (
+        f"a target must lie within {reach:g} m of the robot (decision.goal_reach), in metres of the map frame and not "
+        f"in degrees or UTM coordinates; ({target[0]:.6g}, {target[1]:.6g}) is {distance:.6g} m from "
+        f"({here[0]:.2f}, {here[1]:.2f})"
+    )

@@ -27,8 +27,10 @@ class Reporter:
         robot_map: RobotMap,
         team: PlannerTeam,
         problems: LastProblem,
+        instance: str,
     ) -> None:
-        """Report on these parts."""
+        """Report on these parts of the bridge of this instance."""
+        self._instance = instance
         self._config = config
         self._inputs = inputs
         self._metrics = metrics
@@ -56,6 +58,7 @@ class Reporter:
         viewpoints, frontiers, beacons = self._counts
         return Status(
             name=self._config.name,
+            instance=self._instance,
             lifecycle=lifecycle,
             state=state,
             reason=reason,

@@ -47,6 +47,7 @@ class Status:
 
     Attributes:
         name: of the robot.
+        instance: of the bridge's process; a bridge that is started anew has another one.
         lifecycle: state by the names of ROS 2: unconfigured, inactive, active, finalized, or one on the way.
         state: idle, running, paused, returning, finished, failed or aborted, by the orders; `holding` when something
             holds a robot that was told to move.
@@ -83,6 +84,7 @@ class Status:
     """
 
     name: str
+    instance: str
     lifecycle: str
     state: str
     reason: str

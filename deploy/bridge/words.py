@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Final
 
 from common.errors import HDError
+
+RELEASE: Final = "hd-deploy command release --who NAME --why REASON"
+"""How the emergency stop is released."""
+_LONGEST: Final = 1000
+_LONGEST_REASON: Final = 200
 
 
 class CommandError(HDError):
@@ -17,6 +23,8 @@ def parse(text: str) -> tuple[str, dict[str, Any]]:
     Raises:
         CommandError: it is empty, or has words that the command does not take.
     """
+    if len(text) > _LONGEST:
+        raise CommandError(f"a command has at most {_LONGEST} characters, got {len(text)}")
     verb, *rest = text.replace(",", " ").split() or [""]
     verb = verb.lower().replace("-", "_")
     if verb == "goal":
@@ -28,3 +36,18 @@ def parse(text: str) -> tuple[str, dict[str, Any]]:
     if rest:
         raise CommandError(f"command {verb!r} takes no arguments, got {' '.join(rest)[:80]!r}")
     return verb, {}
+
+
+def release_of(arguments: Mapping[str, Any]) -> tuple[str, str]:
+    """Return who releases the emergency stop, and why.
+
+    Raises:
+        CommandError: one of the two is missing, no text, or endless.
+    """
+    who, why = (arguments.get(name) for name in ("who", "why"))
+    if not all(isinstance(text, str) and 0 < len(text.strip()) <= _LONGEST_REASON for text in (who, why)):
+        raise CommandError(
+            "whoever releases the emergency stop says who they are and why it is safe, each in at most "
+            f"{_LONGEST_REASON} characters: {RELEASE}"
+        )
+    return str(who).strip(), str(why).strip()

@@ -19,6 +19,7 @@ from deploy.mapping.log_odds import Beams
 from deploy.mapping.pose_buffer import PoseBuffer
 from deploy.mapping.transforms import Transform, TransformTree
 from deploy.mapping.volume import ExploredVolume
+from deploy.safety.stamps import Order, StampOrder
 
 logger = logging.getLogger(__name__)
 
@@ -83,6 +84,7 @@ class Intake:
         self._waiting: deque[_Waiting] = deque()
         self._clock = float("-inf")
         self._first_of_frame: dict[str, float] = {}
+        self._orders: dict[str, StampOrder] = {}
         self.received = 0
         self.dropped: Counter[str] = Counter()
         self.problem = ""
@@ -116,6 +118,7 @@ class Intake:
         """Add a pose of the odometry; it is ignored where poses come by TF."""
         if self._by_tf:
             return
+        self._ordered("pose", time)
         if self._poses.add(time, pose, floor):
             self._tick(time)
         else:
@@ -130,6 +133,8 @@ class Intake:
                 self.drop("transform refused", str(error))
                 continue
             if not static and self._by_tf:
+                if self._ordered(f"transform of {child}", time) is Order.SET_BACK:
+                    self._tree.add(time, parent, child, translation, rotation)
                 self._tick(time)
 
     def add_scan(self, time: float, scan: Scan, frame: str) -> None:
@@ -192,11 +197,30 @@ class Intake:
         if not np.isfinite(message.time):
             self.drop("stamp not finite", f"a message needs a finite stamp, got {message.time}: correct its publisher")
             return
+        kind = "scan" if isinstance(message.data, Scan) else "cloud"
+        if self._ordered(f"{kind} in {message.frame!r}", message.time) in {Order.LATE, Order.REPEATED}:
+            self.drop(f"{kind} outdated", f"a {kind} came with the stamp {message.time:.3f} s, which is no news")
+            return
         self._tick(message.time)
         self._waiting.append(message)
         if len(self._waiting) > MAX_WAITING:
             self._waiting.popleft()
             self.drop("queue full", f"more than {MAX_WAITING} messages wait for a pose: check that poses come")
+
+    def _ordered(self, stream: str, time: float) -> Order:
+        """Take in a stamp of a stream; when the clock was set back, forget all that was stamped before."""
+        order = self._orders.setdefault(stream, StampOrder()).take(time)
+        if order is Order.SET_BACK:
+            self.warn(f"a {stream} is stamped {time:.3f} s: the clock was set back, and poses begin anew")
+            self._poses.clear()
+            self._tree.forget_moving()
+            self._waiting.clear()
+            self._newest.clear()
+            self._first_of_frame.clear()
+            # What the other streams say next is right, whether their clocks are the same one or not.
+            self._orders = {stream: self._orders[stream]}
+            self._clock = time
+        return order
 
     def _tick(self, time: float) -> None:
         self._clock = time if time < self._clock - CLOCK_JUMP else max(self._clock, time)

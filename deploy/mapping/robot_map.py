@@ -17,10 +17,11 @@ from common.mapping.mapper import Mapper
 from deploy.config import DeployConfig
 from deploy.mapping.belief_writer import BeliefWriter
 from deploy.mapping.cells import CellGrid
-from deploy.mapping.intake import CLOCK_JUMP, Intake, StampedTransform
+from deploy.mapping.intake import Intake, StampedTransform
 from deploy.mapping.log_odds import Beams, LogOddsGrid
 from deploy.mapping.octomap import OctoMap
 from deploy.mapping.slam_grid import SlamGrid, resample, strangeness
+from deploy.safety.stamps import Order, StampOrder
 
 logger = logging.getLogger(__name__)
 
@@ -77,7 +78,7 @@ class RobotMap:
         self._map_lock = threading.Lock()
         self._intake = Intake(config)
         self._grids_received = 0
-        self._grid_time = float("-inf")
+        self._grid_order = StampOrder()
         self._grid_pending: SlamGrid | None = None
         self._target = target
         self._cells: CellGrid | None = None
@@ -129,6 +130,17 @@ class RobotMap:
         with self._intake_lock:
             self._intake.add_points(time, points, frame)
 
+    def refuse(self, reason: str, problem: str) -> None:
+        """Count a sensor message that is no part of the map.
+
+        Args:
+            reason: what is wrong, in a word or two.
+            problem: the same in a sentence.
+        """
+        with self._intake_lock:
+            self._intake.received += 1
+            self._intake.drop(reason, problem)
+
     def add_grid(
         self, time: float, cells: NDArray[np.int8], resolution: float, origin: tuple[float, float, float]
     ) -> None:
@@ -144,10 +156,9 @@ class RobotMap:
             self._grids_received += 1
             if self._config.sensing.source != "grid":
                 self._intake.drop("grid not wanted", "an OccupancyGrid came, but sensing.source is not 'grid'")
-            elif self._grid_time - CLOCK_JUMP < time < self._grid_time:
+            elif self._grid_order.take(time) is Order.LATE:
                 self._intake.drop("grid outdated", "an OccupancyGrid came after a newer one")
             else:
-                self._grid_time = time
                 self._grid_pending = SlamGrid(cells, resolution, origin)
 
     def refresh(self) -> Mapper | None:
@@ -244,7 +255,7 @@ class RobotMap:
             self._target = target
             self._intake.forget()
             self._grid_pending = self._cells = self._writer = None
-            self._grid_time = float("-inf")
+            self._grid_order = StampOrder()
             self._integrated = 0
             self._octomap = self._new_octomap()
 

@@ -13,6 +13,7 @@ from common.errors import MappingError
 from common.jit import njit
 from common.mapping.sight import FREE, OCCUPIED, UNKNOWN
 from deploy.config import SensingConfig
+from deploy.mapping.cells import MAX_CELLS
 
 # A cell that reaches into another by less than this share of the other is beside it: origins are rounded numbers.
 SHARE_TOLERANCE: Final = 0.01
@@ -139,7 +140,7 @@ def resample(
         Cells of -1, 0 and 100, int8, and the numbers (row, column) of the first of them.
 
     Raises:
-        MappingError: this is no map.
+        MappingError: this is no map, or it would take too many cells.
     """
     grid.check()
     x, y, yaw = grid.origin
@@ -156,6 +157,12 @@ def resample(
     row = floor((part[1] - anchor[1]) / resolution + share)
     end_column = ceil((part[2] - anchor[0]) / resolution - share)
     end_row = ceil((part[3] - anchor[1]) / resolution - share)
+    if (end_row - row) * (end_column - column) > MAX_CELLS:
+        raise MappingError(
+            f"an OccupancyGrid of {rows} x {columns} cells of {grid.resolution:g} m would become {end_row - row} x "
+            f"{end_column - column} cells of {resolution:g} m, more than {MAX_CELLS}: publish a smaller map, or use "
+            "coarser cells (mapping.resolution)"
+        )
     out = np.empty((end_row - row, end_column - column), dtype=np.int8)
     _resample(
         classify(grid.cells, config),

@@ -203,6 +203,10 @@ class TransformTree:
             link = self._links[child] = _Link(parent, static)
         link.add(time, transform, self._seconds)
 
+    def forget_moving(self) -> None:
+        """Forget all transforms of /tf; those of /tf_static stay."""
+        self._links = {child: link for child, link in self._links.items() if link.static}
+
     def knows(self, frame: str) -> bool:
         """Whether a frame is in the tree."""
         frame = frame.lstrip("/")

@@ -41,6 +41,11 @@ class _NoGate:
         """Do nothing."""
         del reason
 
+    @property
+    def latched(self) -> bool:
+        """Nothing is."""
+        return False
+
     def release(self) -> None:
         """Do nothing."""
 

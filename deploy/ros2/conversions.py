@@ -21,19 +21,36 @@ Transform = tuple[float, str, str, tuple[float, float, float], Quaternion]
 
 MAX_CELLS = 1 << 26
 """Larger occupancy grids are refused."""
+MAX_COORDINATE = 1e8
+"""Positions farther from their frame's origin are refused, metres: more than UTM coordinates ever are."""
+MAX_VELOCITY = 1e3
+"""Greater velocities are refused, m/s and rad/s."""
+MAX_BEAMS = 1 << 17
+"""Scans of more beams are refused."""
+MAX_ANGLE = 4.0 * math.pi
+"""Greater angles of a scan are refused, radians: they are degrees."""
+RESOLUTIONS = (1e-3, 1e2)
+"""Smallest and largest cell of an occupancy grid, metres."""
 
 
 def scan_from(scan: Message) -> Scan:
     """Return the ranges of a LaserScan, without a copy where they are float32 already.
 
     Raises:
-        RosError: when the angles or ranges are not finite or not increasing limits.
+        RosError: when the angles or ranges are not finite or not increasing limits, or there are too many beams.
     """
     numbers = (scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max)
     if not all(math.isfinite(number) for number in numbers) or scan.angle_increment == 0.0:
         raise RosError(f"a LaserScan needs finite angles and range limits and an increment, got {numbers}")
     if not 0.0 <= scan.range_min < scan.range_max:
         raise RosError(f"a LaserScan's range_min {scan.range_min} must be below its range_max {scan.range_max}")
+    if max(abs(scan.angle_min), abs(scan.angle_increment)) > MAX_ANGLE:
+        raise RosError(
+            f"a LaserScan's angles must be radians, got angle_min {scan.angle_min:g} and angle_increment "
+            f"{scan.angle_increment:g}: are they degrees?"
+        )
+    if len(scan.ranges) > MAX_BEAMS:
+        raise RosError(f"a LaserScan must have at most {MAX_BEAMS} beams, got {len(scan.ranges)}")
     ranges = np.asarray(scan.ranges, np.float32)
     return Scan(ranges, scan.angle_min, scan.angle_increment, scan.range_max, scan.range_min)
 
@@ -82,10 +99,15 @@ def pose_from(odometry: Message) -> tuple[float, Pose, tuple[float, float]]:
     """Return stamp (s), pose, and (linear x m/s, angular z rad/s) of an Odometry.
 
     Raises:
-        RosError: when the pose is not finite.
+        RosError: when the pose or the velocity is not finite, or beyond reason.
     """
-    twist_ = odometry.twist.twist
-    return seconds(odometry.header.stamp), _pose(odometry.pose.pose), (twist_.linear.x, twist_.angular.z)
+    velocity = odometry.twist.twist.linear.x, odometry.twist.twist.angular.z
+    # Written so that NaN is not within.
+    if not all(abs(value) <= MAX_VELOCITY for value in velocity):
+        raise RosError(
+            f"an Odometry's velocity must be finite, m/s and rad/s of at most {MAX_VELOCITY:g}, got {velocity}"
+        )
+    return seconds(odometry.header.stamp), _pose(odometry.pose.pose), velocity
 
 
 def pose_from_stamped(stamped: Message) -> tuple[float, Pose]:
@@ -104,8 +126,7 @@ def position_from(stamped: Message) -> tuple[float, Position]:
         RosError: when the point is not finite.
     """
     x, y = stamped.point.x, stamped.point.y
-    if not (math.isfinite(x) and math.isfinite(y)):
-        raise RosError(f"a point must be finite metres, got ({x}, {y})")
+    _check_metres("a point", x, y)
     return seconds(stamped.header.stamp), (x, y)
 
 
@@ -143,8 +164,7 @@ def transforms_from(transforms: Message) -> list[Transform]:
         shift = (move.x, move.y, move.z)
         rotation = (turn.x, turn.y, turn.z, turn.w)
         yaw_of(turn)
-        if not all(map(math.isfinite, shift)):
-            raise RosError(f"transform {one.header.frame_id} -> {one.child_frame_id} is not finite: {shift}")
+        _check_metres(f"transform {one.header.frame_id} -> {one.child_frame_id}", *shift)
         parent, child = one.header.frame_id.lstrip("/"), one.child_frame_id.lstrip("/")
         result.append((seconds(one.header.stamp), parent, child, shift, rotation))
     return result
@@ -176,8 +196,11 @@ def grid_from(grid: Message) -> tuple[NDArray[np.int8], float, tuple[float, floa
         RosError: when the size does not fit the cells, or the resolution is not positive.
     """
     info = grid.info
-    if not math.isfinite(info.resolution) or info.resolution <= 0.0:
-        raise RosError(f"an OccupancyGrid's resolution must be positive metres, got {info.resolution}")
+    if not RESOLUTIONS[0] <= info.resolution <= RESOLUTIONS[1]:
+        raise RosError(
+            f"an OccupancyGrid's resolution must be positive, {RESOLUTIONS[0]:g} to {RESOLUTIONS[1]:g} metres, got "
+            f"{info.resolution}"
+        )
     if info.width * info.height != len(grid.data) or len(grid.data) > MAX_CELLS:
         raise RosError(
             f"an OccupancyGrid of {info.width} x {info.height} cells (at most {MAX_CELLS}) has {len(grid.data)} cells"
@@ -285,6 +308,11 @@ def velocity_from(command: Message) -> tuple[float, float]:
 
 def _pose(pose: Message) -> Pose:
     x, y = pose.position.x, pose.position.y
-    if not (math.isfinite(x) and math.isfinite(y)):
-        raise RosError(f"a position must be finite metres, got ({x}, {y})")
+    _check_metres("a position", x, y, pose.position.z)
     return Pose(x, y, yaw_of(pose.orientation))
+
+
+def _check_metres(what: str, *numbers: float) -> None:
+    # Written so that NaN is not within.
+    if not all(abs(number) <= MAX_COORDINATE for number in numbers):
+        raise RosError(f"{what} must be finite metres of at most {MAX_COORDINATE:g}, got {numbers}")

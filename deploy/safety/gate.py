@@ -83,6 +83,7 @@ class VelocityGate(Closing):
         self._closed = threading.Event()
         self._fallback: VelocityOutput | None = None
         self._last_hold: str | None = None
+        self._latched = ""
         self._channel, self._process = self._start("")
         try:
             self._wait_for_start()
@@ -113,11 +114,19 @@ class VelocityGate(Closing):
 
     def emergency_stop(self, reason: str) -> None:
         """Latch the emergency stop, as a message on its topic does."""
+        # Kept here too: a watchdog that is just being replaced hears nothing.
+        self._latched = reason or "by command"
         self._send("emergency_stop", reason=reason)
 
     def release(self) -> None:
         """Release the emergency stop; it latches again if its topic says so again."""
+        self._latched = ""
         self._send("release")
+
+    @property
+    def latched(self) -> bool:
+        """Whether the emergency stop is latched: by this end, or as the watchdog said last."""
+        return bool(self._latched) or self._state.emergency_stop
 
     @property
     def state(self) -> GateState:
@@ -217,7 +226,9 @@ class VelocityGate(Closing):
     def _replace_watchdog(self, why: str) -> None:
         log.error("the watchdog is dead or hangs (%s): starting another", why)
         with self._lock:
-            latched = "latched before the watchdog was replaced" if self._state.emergency_stop else ""
+            latched = self._latched
+            if not latched and self._state.emergency_stop:
+                latched = "latched before the watchdog was replaced"
             self._state = replace(self._state, alive=False, reason="the watchdog died; another one starts")
         self._kill()
         self._channel, self._process = self._start(latched)

@@ -3,45 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import StrEnum
 from math import hypot, isfinite
+from typing import Final
 
 from common.geometry import Pose
 from deploy.config import Point, SafetyConfig
+from deploy.safety.faults import Fault as Fault  # noqa: PLC0414  (exported from here too)
+from deploy.safety.faults import FaultKind as FaultKind  # noqa: PLC0414
 from deploy.safety.geofence import Geofence
+from deploy.safety.motion import MotionWatch
+from deploy.safety.stamps import Order, StampOrder
 
-
-class FaultKind(StrEnum):
-    """What is wrong."""
-
-    SENSOR_STALE = "sensor_stale"
-    """No scan, cloud or map came for `safety.scan_timeout`."""
-    POSE_STALE = "pose_stale"
-    """No pose came for `safety.pose_timeout`."""
-    MAP_STALE = "map_stale"
-    """The belief took nothing in for `safety.scan_timeout` although messages came."""
-    POSE_JUMP = "pose_jump"
-    """The pose moved faster than the robot can."""
-    POLICY_ERROR = "policy_error"
-    """The planner failed."""
-    WAYPOINT_OCCUPIED = "waypoint_occupied"
-    """The waypoint is no longer free."""
-    GEOFENCE = "geofence"
-    """The robot or its waypoint is outside the fence."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fault:
-    """One thing that is wrong.
-
-    Attributes:
-        kind: what.
-        reason: in words for the operator, with the figures.
-    """
-
-    kind: FaultKind
-    reason: str
+# A sensor may spoil a message or two; so many in a row are a fault.
+_UNSOUND: Final = 3
 
 
 class HealthMonitor:
@@ -75,14 +49,36 @@ class HealthMonitor:
     def reset(self) -> None:
         """Forget everything that was heard, as when the robot's software starts anew."""
         self._sensor_time: float | None = None
+        self._sensor_arrived: float | None = None
+        self._sensor_order = StampOrder()
+        self._unsound: tuple[int, Fault] | None = None
+        self._pose_arrived: float | None = None
+        self._pose_order = StampOrder()
+        self._clock: tuple[float, str] | None = None
+        self._motion = MotionWatch()
         self._map_time: float | None = None
         self._pose: tuple[float, float, Pose] | None = None
         self._jump: tuple[float, str] | None = None
         self._policy_error: str | None = None
 
-    def heard_sensor(self, now: float) -> None:
-        """A scan, cloud or map arrived."""
-        self._sensor_time = now
+    def heard_sensor(self, now: float, stamp: float | None = None, fault: Fault | None = None) -> None:
+        """A scan, cloud or map arrived.
+
+        Args:
+            now: time of arrival.
+            stamp: the message's own time, robot clock, seconds, which has to advance; not given for maps, which may
+                be published again as they are.
+            fault: what is wrong with the message itself, as `Sight` says; None when it is sound.
+        """
+        self._sensor_arrived = now
+        news = stamp is None or self._advances(self._sensor_order, stamp, now)
+        if fault is not None:
+            count = 1 if self._unsound is None else self._unsound[0] + 1
+            self._unsound = count, fault
+            return
+        if news:
+            self._unsound = None
+            self._sensor_time = now
 
     def updated_map(self, now: float) -> None:
         """The belief took in what had arrived."""
@@ -99,6 +95,7 @@ class HealthMonitor:
         if not (isfinite(pose.x) and isfinite(pose.y) and isfinite(pose.yaw)):
             self._jump = now, f"the pose is not finite: {pose}"
             return
+        self._pose_arrived = now
         if self._pose is not None:
             _, last_stamp, last = self._pose
             # A clock set back tells nothing about speed: then only the permitted jump counts.
@@ -106,7 +103,21 @@ class HealthMonitor:
             moved = hypot(pose.x - last.x, pose.y - last.y)
             if moved > self._config.pose_jump + self._config.speed_limit * elapsed:
                 self._jump = now, f"the pose jumped {moved:.2f} m in {elapsed:.2f} s"
-        self._pose = now, stamp, pose
+        if self._advances(self._pose_order, stamp, now):
+            self._pose = now, stamp, pose
+            self._motion.heard_pose(now, stamp, pose)
+
+    def commanded(self, now: float, linear: float, angular: float) -> None:
+        """A velocity was let through to the wheels, m/s and rad/s; the pose has to show it."""
+        self._motion.commanded(now, linear, angular)
+
+    def measured(self, now: float, linear: float, angular: float) -> None:
+        """The odometry reports a velocity, m/s and rad/s; the pose has to show it."""
+        self._motion.measured(now, linear, angular)
+
+    def try_again(self) -> None:
+        """An operator wants the robot to move: a pose that stood still is no fault until it does so again."""
+        self._motion.forgive()
 
     def policy_failed(self, error: BaseException) -> None:
         """The planner raised an error; the fault stays until it decides again."""
@@ -126,17 +137,15 @@ class HealthMonitor:
             waypoint: where the robot is sent, (x, y) in metres.
             is_free: whether a position is known to be free in the belief.
         """
-        faults: list[Fault] = []
+        faults = [*self._sensor_faults(now), *self._pose_faults(now)]
         config = self._config
-        for kind, what, last, timeout in (
-            (FaultKind.SENSOR_STALE, f"no {self._sensor}", self._sensor_time, config.scan_timeout),
-            (FaultKind.POSE_STALE, "no pose", self._pose[0] if self._pose else None, config.pose_timeout),
-            (FaultKind.MAP_STALE, "no new map data", self._map_time, config.scan_timeout),
-        ):
-            if last is None:
-                faults.append(Fault(kind, f"{what} has come yet"))
-            elif now - last > timeout:
-                faults.append(Fault(kind, f"{what} for {now - last:.1f} s (limit {timeout:g} s)"))
+        last = self._map_time
+        if last is None:
+            faults.append(Fault(FaultKind.MAP_STALE, "no new map data has come yet"))
+        elif now - last > config.scan_timeout:
+            faults.append(_stale(FaultKind.MAP_STALE, "no new map data", now - last, config.scan_timeout))
+        if self._clock is not None and now - self._clock[0] <= config.pose_timeout:
+            faults.append(Fault(FaultKind.CLOCK_SET_BACK, self._clock[1]))
         # The planner starts over from the new place, so a jump is over once poses have been steady for a while.
         if self._jump is not None and now - self._jump[0] <= config.pose_timeout:
             faults.append(Fault(FaultKind.POSE_JUMP, self._jump[1]))
@@ -150,6 +159,59 @@ class HealthMonitor:
             if is_free is not None and not is_free(waypoint):
                 faults.append(Fault(FaultKind.WAYPOINT_OCCUPIED, f"the waypoint {waypoint} is no longer free"))
         return faults
+
+    def _advances(self, order: StampOrder, stamp: float, now: float) -> bool:
+        """Whether a stamp is news; notes a clock that was set back."""
+        newest = order.newest
+        found = order.take(stamp)
+        if found is Order.SET_BACK and newest is not None:
+            self._clock = (
+                now,
+                f"the robot's clock was set back by {newest - stamp:.2f} s or more: everything begins anew",
+            )
+        return found in {Order.AHEAD, Order.SET_BACK}
+
+    def _sensor_faults(self, now: float) -> list[Fault]:
+        timeout, last, arrived = self._config.scan_timeout, self._sensor_time, self._sensor_arrived
+        unsound = self._unsound
+        if arrived is None:
+            return [Fault(FaultKind.SENSOR_STALE, f"no {self._sensor} has come yet")]
+        if now - arrived > timeout:
+            return [_stale(FaultKind.SENSOR_STALE, f"no {self._sensor}", now - arrived, timeout)]
+        stale = last is None or now - last > timeout
+        if unsound is not None and (stale or unsound[0] >= _UNSOUND):
+            return [unsound[1]]
+        if not stale:
+            return []
+        return [
+            Fault(
+                FaultKind.SENSOR_FROZEN,
+                f"messages of {self._sensor} come, but their stamp has not advanced beyond "
+                f"{self._sensor_order.newest} s for {timeout:g} s",
+            )
+        ]
+
+    def _pose_faults(self, now: float) -> list[Fault]:
+        timeout = self._config.pose_timeout
+        if self._pose is None:
+            return [Fault(FaultKind.POSE_STALE, "no pose has come yet")]
+        last, arrived = self._pose[0], self._pose_arrived
+        if arrived is None or now - arrived > timeout:
+            return [_stale(FaultKind.POSE_STALE, "no pose", now - last, timeout)]
+        if now - last > timeout:
+            stamp = self._pose_order.newest
+            return [
+                Fault(
+                    FaultKind.POSE_FROZEN,
+                    f"poses come, but their stamp has not advanced beyond {stamp} s for {timeout:g} s",
+                )
+            ]
+        stands = self._motion.fault(now)
+        return [Fault(FaultKind.POSE_FROZEN, stands)] if stands else []
+
+
+def _stale(kind: FaultKind, what: str, seconds: float, limit: float) -> Fault:
+    return Fault(kind, f"{what} for {seconds:.1f} s (limit {limit:g} s)")
 
 
 def _text(pose: Pose) -> str:

@@ -11,6 +11,7 @@ import tomllib
 import pytest
 from typer.testing import CliRunner
 
+from common.bus.liveness import declare_presence
 from common.config.describe import to_toml
 from deploy.bridge.bridge import Bridge
 from deploy.cli import app
@@ -48,6 +49,9 @@ def test_config_prints_what_it_reads(tmp_path):
         (["bridge", "--set", "safety.geofence=[[0,0],[2,2],[2,0],[0,2]]"], "sides do not cross"),
         (["bridge", "--set", "decision.live_run=office"], "live_connect"),
         (["command", "goal", "1"], "goal X Y"),
+        (["command", "release"], "command release --who NAME --why REASON"),
+        (["command", "release", "--who", "anna"], "says who they are and why it is safe"),
+        (["command", "start", "--who", "anna"], "--who and --why are for `release`"),
     ],
 )
 def test_a_mistake_is_one_line_and_a_non_zero_exit(words, message):
@@ -68,7 +72,7 @@ def test_commands_reach_a_bridge_and_topics_shows_it():
     router, config = network(mapping=MAPPING, decision={"task": "navigation", "planner": "astar"})
     endpoint = config.ros.connect[0]
     stop = threading.Event()
-    with FakeRobot(DEAD_END, router), Bridge(config) as bridge:
+    with FakeRobot(DEAD_END, router) as robot, Bridge(config) as bridge:
         thread = threading.Thread(target=bridge.run, args=(stop,))
         thread.start()
         try:
@@ -81,6 +85,15 @@ def test_commands_reach_a_bridge_and_topics_shows_it():
             refused = run("command", "resume", "--connect", endpoint)
             assert refused.exit_code == 1
             assert "nothing to resume" in refused.stderr
+            stopped = run("command", "stop", "--connect", endpoint)
+            assert (stopped.exit_code, stopped.stdout[:7]) == (0, "robot: "), stopped.output
+            with declare_presence(robot.node.session, "robot", "bridge", "deaf"):
+                half = run("command", "stop", "--connect", endpoint, "--timeout", "2")
+                assert half.exit_code == 1
+                assert half.stdout.startswith("robot: ")
+                assert "robot 'robot' did not answer within 2 s (instance deaf): it may still be moving" in half.stderr
+                unclear = run("command", "status", "--connect", endpoint)
+                assert "2 bridges on this network have the name 'robot'" in unclear.stderr
             # On a loaded machine the nodes may find each other later than the command waits for them.
             for _ in range(10):
                 seen = run("topics", "--connect", endpoint)

@@ -45,6 +45,9 @@ class FakeRobot(Closing):
         self.by_velocity = by_velocity
         self.sensing = True
         self.jump = None
+        self.spoil_scan = self.spoil_odometry = lambda message: message
+        self.clock = 0.0
+        self.driven = 0.0
         self.waypoint = None
         self.stopped = False
         self.velocities, self.stops, self.statuses, self.answers, self.waypoints = [], [], [], [], []
@@ -107,11 +110,11 @@ class FakeRobot(Closing):
                 velocity = self._roll()
             elif self.waypoint is not None and not stopped:
                 self._drive(self.waypoint, self.speed * PERIOD)
-            stamp = time.time()
+            stamp = time.time() + self.clock
             pose = self.pose if self.jump is None else Pose(self.pose.x + self.jump, self.pose.y, self.pose.yaw)
             if self.sensing:
-                self._odometry.publish(odometry(stamp, "map", "base_link", pose, velocity))
-                self._scan.publish(laser_scan(stamp, "base_link", self.simulator.scan()))
+                self._odometry.publish(self.spoil_odometry(odometry(stamp, "map", "base_link", pose, velocity)))
+                self._scan.publish(self.spoil_scan(laser_scan(stamp, "base_link", self.simulator.scan())))
 
     def _drive(self, waypoint, length) -> None:
         yaw = atan2(waypoint[1] - self.pose.y, waypoint[0] - self.pose.x)
@@ -121,6 +124,7 @@ class FakeRobot(Closing):
             self.simulator.place(there)
         except SimulatorError:
             return
+        self.driven += self.pose.distance_to(there.position)
         self.pose = there
 
     def _roll(self) -> tuple[float, float]:

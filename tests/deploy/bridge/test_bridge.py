@@ -17,6 +17,7 @@ from tests.common.bus.processes import eventually
 from tests.common.planners.worlds import ARMS
 from tests.deploy.bridge.robots import FakeRobot, network
 
+OPERATOR = {"who": "anna", "why": "the hall is empty"}
 MAPPING = {"resolution": 0.25, "viewpoint_spacing": 2.0, "sensor_range": 10.0, "beacon_range": 10.0}
 
 
@@ -40,7 +41,7 @@ def robot(pair):
     robot.sensing, robot.jump, robot.pose = True, None, Pose(*ARMS.start)
     ask(robot, "abort")
     ask(robot, "reset")
-    ask(robot, "release")
+    ask(robot, "release", **OPERATOR)
     robot.waypoint = None
     robot.waypoints.clear()
     robot.answers.clear()
@@ -82,7 +83,12 @@ def test_every_command_is_acknowledged_on_the_bus(robot):
     assert [seen[verb]["state"] for verb in ("status", "pause", "abort")] == ["aborted", "paused", "aborted"]
     assert ask(robot, "stop", reason="test")["name"] == "robot"
     assert eventually(lambda: ask(robot, "status")["emergency_stop"])
-    ask(robot, "release")
+    with pytest.raises(BusError, match="emergency stop is latched: release it first"):
+        ask(robot, "start")
+    with pytest.raises(BusError, match="says who they are and why"):
+        ask(robot, "release")
+    assert ask(robot, "status")["emergency_stop"]
+    ask(robot, "release", **OPERATOR)
     assert eventually(lambda: not ask(robot, "status")["emergency_stop"])
     assert ask(robot, "reset")["state"] == "aborted"
     with pytest.raises(BusError, match=r"refused 'pause': there is nothing to pause"):
@@ -130,15 +136,26 @@ def test_a_jump_of_the_pose_stops_the_robot(robot):
     assert eventually(lambda: "jumped" in robot.status["reason"])
 
 
-def test_the_emergency_stop_holds_until_it_is_released(robot):
+def test_the_emergency_stop_holds_until_an_operator_releases_it_and_then_until_a_start(robot):
     ask(robot, "start")
     assert eventually(lambda: state(robot) == "running" and robot.stops[-1][1] == 0, 30)
     robot.emergency.publish(message("std_msgs/msg/Bool", data=True))
     assert eventually(lambda: robot.stops[-1][1] == 2, 5)
     robot.emergency.publish(message("std_msgs/msg/Bool", data=False))
-    assert eventually(lambda: state(robot) == "holding" and "emergency stop" in robot.status["reason"])
+    assert eventually(lambda: state(robot) == "aborted" and "emergency stop" in robot.status["reason"])
     assert ask(robot, "status")["emergency_stop"]
-    ask(robot, "release")
+    robot.say("release")
+    assert eventually(lambda: robot.answers and "no topic releases the emergency stop" in robot.answers[-1]["error"])
+    robot.starts.publish(message("std_msgs/msg/Bool", data=True))
+    assert eventually(lambda: "latched: release it first" in robot.answers[-1]["error"])
+    assert ask(robot, "status")["emergency_stop"]
+    assert ask(robot, "release", **OPERATOR)["state"] == "aborted"
+    here = robot.pose
+    time.sleep(1.5)
+    assert (robot.stops[-1][1], robot.pose, state(robot)) == (2, here, "aborted"), "a release moves nothing"
+    with pytest.raises(BusError, match="nothing to resume"):
+        ask(robot, "resume")
+    ask(robot, "start")
     assert eventually(lambda: state(robot) == "running" and robot.stops[-1][1] == 0)
 
 
@@ -150,3 +167,27 @@ def test_a_pause_stops_the_robot_and_an_idle_robot_is_left_to_others(robot):
     assert robot.status["lifecycle"] == "inactive" or eventually(lambda: robot.status["lifecycle"] == "inactive")
     ask(robot, "resume")
     assert eventually(lambda: robot.stops[-1][1] == 0)
+
+
+@pytest.mark.timeout(120)
+def test_a_stop_latched_before_the_start_outlives_autostart():
+    router, config = network(mapping=MAPPING, decision={"planner": "nearest", "autostart": True})
+    stop = threading.Event()
+    with FakeRobot(ARMS, router) as robot:
+        robot.sensing = False
+        with Bridge(config) as bridge:
+            thread = threading.Thread(target=bridge.run, args=(stop,))
+            thread.start()
+            try:
+                robot.emergency.publish(message("std_msgs/msg/Bool", data=True))
+                assert eventually(lambda: robot.status.get("emergency_stop"))
+                robot.sensing = True
+                assert eventually(lambda: robot.status["scans"] > 3)
+                ask(robot, "release", **OPERATOR)
+                time.sleep(1.0)
+                assert state(robot) == "idle"
+                ask(robot, "start")
+                assert eventually(lambda: state(robot) == "running")
+            finally:
+                stop.set()
+                thread.join()

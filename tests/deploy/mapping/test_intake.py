@@ -81,6 +81,32 @@ def test_a_recording_played_again_goes_on():
     assert intake.obstacles()[0, 0] == pytest.approx(5.5)
 
 
+@pytest.mark.parametrize("back", [0.2, 1.0, 5.0, 10.0])
+def test_a_clock_set_back_places_no_scan_where_the_robot_was(back):
+    intake, x = Intake(configure()), 0.0
+    for k in range(200):
+        time = 100.0 + k / 20 - (back if k >= 100 else 0.0)
+        x = k / 20
+        intake.add_pose(time, Pose(x, 0.0), 0.0)
+        if k % 2 == 0:
+            intake.add_scan(time, SCAN, "")
+        intake.resolve()
+        if intake.ready:
+            assert intake.ready.pop()[1].x == pytest.approx(x, abs=0.06)
+    assert intake.pose.x == x
+    assert "set back" in intake.problem
+
+
+def test_a_scan_that_comes_again_is_no_evidence():
+    intake = Intake(configure())
+    drive(intake, 0.0, 1.0)
+    for _ in range(5):
+        intake.add_scan(0.5, SCAN, "")
+        intake.resolve()
+    assert len(intake.ready) == 1
+    assert intake.dropped["scan outdated"] == 4
+
+
 def test_the_sensors_place_on_the_base_by_configuration_and_by_tf():
     intake = Intake(configure(sensing={"sensor_offset": (0.5, 0.2, np.pi / 2)}))
     drive(intake, 0.0, 1.0)

@@ -1,5 +1,7 @@
 """The SLAM's own map as cells of the common one."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -91,3 +93,14 @@ def test_what_is_no_map_is_refused():
     ):
         with pytest.raises(MappingError, match="OccupancyGrid"):
             grid.check()
+
+
+def test_a_coarse_map_is_measured_before_anything_is_allocated_for_its_cells():
+    grid = grid_of(np.zeros((2000, 2000), np.int8), 1.0)
+    tracemalloc.start()
+    try:
+        with pytest.raises(MappingError, match="2000 x 2000 cells of 1 m would become 20000 x 20000 cells of 0.1 m"):
+            resample(grid, SENSING, 0.1, (0.0, 0.0))
+        assert tracemalloc.get_traced_memory()[1] < 1e6
+    finally:
+        tracemalloc.stop()

@@ -279,3 +279,23 @@ def test_tilted_poses_keep_their_heading():
 
 def test_stamps_of_headers():
     assert header(12.25, "map").stamp.nanosec == 250_000_000
+
+
+@pytest.mark.parametrize("value", [1e9, -1e300])
+def test_what_is_beyond_reason_is_refused_by_name(value):
+    with pytest.raises(RosError, match="finite metres of at most 1e"):
+        convert.pose_from(convert.odometry(1.0, "map", "base", Pose(value, 0.0)))
+    with pytest.raises(RosError, match="velocity"):
+        convert.pose_from(convert.odometry(1.0, "map", "base", Pose(0.0, 0.0), (value, 0.0)))
+    with pytest.raises(RosError, match="velocity"):
+        convert.pose_from(convert.odometry(1.0, "map", "base", Pose(0.0, 0.0), (0.0, float("nan"))))
+    with pytest.raises(RosError, match="transform map -> odom"):
+        convert.transforms_from(convert.transform_message([convert.transform(1.0, "map", "odom", Pose(0.0, value))]))
+    with pytest.raises(RosError, match="a point"):
+        convert.position_from(convert.point_stamped(1.0, "map", (value, 0.0)))
+    with pytest.raises(RosError, match="resolution"):
+        convert.grid_from(convert.occupancy_grid(1.0, "map", np.zeros((2, 2), np.int8), 1e4))
+    with pytest.raises(RosError, match="radians.*degrees"):
+        convert.scan_from(convert.laser_scan(1.0, "laser", Scan(np.ones(4, np.float32), -180.0, 0.5, 30.0)))
+    with pytest.raises(RosError, match="at most 131072 beams"):
+        convert.scan_from(convert.laser_scan(1.0, "laser", Scan(np.ones(200_000, np.float32), 0.0, 1e-4, 30.0)))

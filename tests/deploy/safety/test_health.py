@@ -4,7 +4,7 @@ import pytest
 
 from common.geometry import Pose
 from deploy.config import SafetyConfig
-from deploy.safety.health import FaultKind, HealthMonitor
+from deploy.safety.health import Fault, FaultKind, HealthMonitor
 
 FENCE = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0))
 
@@ -64,12 +64,66 @@ def test_pose_jump_stops_until_poses_are_steady():
     assert kinds(monitor, 11.2) == set()
 
 
-def test_clock_set_back_is_no_jump_but_a_far_pose_is():
+@pytest.mark.parametrize("back", [0.2, 0.5, 2.0, 10.0, 95.0])
+@pytest.mark.parametrize("rate", [10.0, 30.0])
+def test_clock_set_back_holds_and_then_begins_anew(back, rate):
+    monitor, now = healthy(scan_timeout=60.0), 10.0
+    found = []
+    for tick in range(1, int(2.0 * rate)):
+        now = 10.0 + tick / rate
+        monitor.heard_pose(now, 100.0 + tick / rate - back, Pose(1.0 + 0.5 * tick / rate, 1.0))
+        found.append(kinds(monitor, now))
+    assert {FaultKind.CLOCK_SET_BACK} in found[:2], "within two poses"
+    assert found[-1] == set()
+    assert set().union(*found) == {FaultKind.CLOCK_SET_BACK}
+
+
+def test_a_clock_set_back_does_not_hide_a_jump():
     monitor = healthy()
-    monitor.heard_pose(10.1, 5.0, Pose(1.2, 1.0))
-    assert kinds(monitor, 10.1) == set()
-    monitor.heard_pose(10.2, 1.0, Pose(9.0, 1.0))
-    assert kinds(monitor, 10.2) == {FaultKind.POSE_JUMP}
+    monitor.heard_pose(10.1, 95.0, Pose(9.0, 1.0))
+    assert FaultKind.POSE_JUMP in kinds(monitor, 10.1)
+
+
+def test_one_pose_that_comes_late_is_no_fault():
+    monitor = healthy()
+    for now, stamp in ((10.1, 100.1), (10.2, 100.2), (10.2, 100.05), (10.3, 100.3), (10.4, 100.4), (10.4, 100.2)):
+        monitor.heard_pose(now, stamp, Pose(1.0, 1.0))
+        assert kinds(monitor, now) == set()
+
+
+@pytest.mark.parametrize("part", ["sensor", "pose"])
+def test_messages_whose_stamp_stands_still_are_no_news(part):
+    monitor = healthy(scan_timeout=1.0, pose_timeout=1.0)
+    monitor.heard_sensor(10.0, 100.0)
+    for tick in range(1, 12):
+        now, stamp = 10.0 + 0.1 * tick, 100.0 + 0.1 * tick
+        monitor.updated_map(now)
+        monitor.heard_sensor(now, 100.0 if part == "sensor" else stamp)
+        monitor.heard_pose(now, 100.0 if part == "pose" else stamp, Pose(1.0, 1.0))
+    (fault,) = monitor.check(11.15)
+    assert fault.kind is (FaultKind.SENSOR_FROZEN if part == "sensor" else FaultKind.POSE_FROZEN)
+    assert "stamp has not advanced beyond 100.0 s for 1 s" in fault.reason
+    monitor.heard_sensor(11.2, 101.2)
+    monitor.heard_pose(11.2, 101.2, Pose(1.0, 1.0))
+    assert kinds(monitor, 11.2) == set()
+
+
+def test_three_unsound_messages_in_a_row_are_a_fault_and_a_sound_one_ends_it():
+    monitor = healthy()
+    blind = Fault(FaultKind.SENSOR_BLIND, "0 of 720 beams tell anything")
+    for tick, expected in ((1, []), (2, []), (3, [blind]), (4, [blind])):
+        monitor.heard_sensor(10.0 + 0.1 * tick, 100.0 + 0.1 * tick, blind)
+        assert monitor.check(10.0 + 0.1 * tick) == expected
+    monitor.heard_sensor(10.5, 100.5)
+    assert kinds(monitor, 10.5) == set()
+
+
+def test_one_unsound_message_that_nothing_follows_in_time_is_a_fault():
+    monitor = healthy(scan_timeout=1.0)
+    blind = Fault(FaultKind.SENSOR_BLIND, "0 of 720 beams tell anything")
+    for now in (10.8, 11.6):
+        monitor.heard_sensor(now, now, blind)
+    assert FaultKind.SENSOR_BLIND in kinds(monitor, 11.6)
 
 
 def test_pose_that_is_not_finite():

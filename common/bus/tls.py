@@ -1,0 +1,72 @@
+"""Mutual TLS and access rules as Zenoh's settings, for the learner's bus and for the robot's network."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Protocol
+
+from common.errors import BusError
+
+
+class HasTls(Protocol):
+    """Settings with the files of a network's TLS, as `BusConfig` has them."""
+
+    @property
+    def tls_ca(self) -> str | None:
+        """Certificate of the authority."""
+        ...
+
+    @property
+    def tls_certificate(self) -> str | None:
+        """This process's certificate."""
+        ...
+
+    @property
+    def tls_key(self) -> str | None:
+        """Its private key."""
+        ...
+
+    @property
+    def tls_access(self) -> str | None:
+        """JSON file of access rules."""
+        ...
+
+
+def tls_settings(config: HasTls) -> dict[str, Any]:
+    """Return Zenoh's settings of mutual TLS with the files of a configuration.
+
+    Raises:
+        BusError: a file is not named, or not there.
+    """
+    files = {"tls_ca": config.tls_ca, "tls_certificate": config.tls_certificate, "tls_key": config.tls_key}
+    for name, path in files.items():
+        if path is None or not Path(path).is_file():
+            raise BusError(f"{name}: no file {path!r}; make it with 'hd-learner certificates' or correct the path")
+    # A router both listens and connects; a peer's listening half is never used.
+    return {
+        "root_ca_certificate": config.tls_ca,
+        "enable_mtls": True,
+        "close_link_on_expiration": True,
+        "listen_certificate": config.tls_certificate,
+        "listen_private_key": config.tls_key,
+        "connect_certificate": config.tls_certificate,
+        "connect_private_key": config.tls_key,
+    }
+
+
+def access_settings(config: HasTls) -> dict[str, Any]:
+    """Return Zenoh's settings of access control from the file of a configuration.
+
+    Raises:
+        BusError: there is no TLS, or the file cannot be read.
+    """
+    if config.tls_ca is None:
+        raise BusError("tls_access needs tls_ca, tls_certificate and tls_key: without TLS nobody has a name to check")
+    try:
+        rules = json.loads(Path(str(config.tls_access)).read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise BusError(f"tls_access: cannot read {config.tls_access!r} as JSON: {error}") from None
+    if not isinstance(rules, dict):
+        raise BusError(f"tls_access: {config.tls_access!r} must hold a JSON object of access rules")
+    return rules
