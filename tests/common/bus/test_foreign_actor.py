@@ -62,11 +62,17 @@ def chunk() -> dict:
             "target_offset": array(10, 0, 0, shape=(1, 2)),
             "link_count": array(3, 0),
             "target_links": array(6),
+            "cell": array(10, 0.0625),
+            "reach": array(10, 5.0),
+            "route_count": array(3, 1),
+            "route": array(6, 1),
         },
         "beacons": array(3, 1),
         "waypoints": array(3, 1),
         "rewards": array(10, 0.5),
         "versions": array(4, 3),
+        "probabilities": array(10, 0.25),
+        "family": 0,
         "labels": None,
     }
 
@@ -89,7 +95,7 @@ def test_an_actor_in_another_language_can_take_part():
     ):
         publisher.publish(samples.weights(version=7))
         spec = query(session, "hd/office/spec")
-        assert (spec["v"], spec["kind"], json.loads(spec["config"])) == (2, "spec", {"seed": 3})
+        assert (spec["v"], spec["kind"], json.loads(spec["config"])) == (3, "spec", {"seed": 3})
 
         weights = query(session, "hd/office/weights/latest?averaged=0")
         digest = hashlib.sha256()
@@ -99,7 +105,7 @@ def test_an_actor_in_another_language_can_take_part():
         notice = query(session, f"hd/office/weights/latest?averaged=0;have={weights['learner']}:{weights['version']}")
         assert (notice["kind"], notice["version"]) == ("weights_notice", 7)
 
-        message = {"v": 2, "kind": "delivery", "actor": "desk-0", "incarnation": 4711, "sequence": 0, "body": chunk()}
+        message = {"v": 3, "kind": "delivery", "actor": "desk-0", "incarnation": 4711, "sequence": 0, "body": chunk()}
         data = msgpack.packb(message)
         assert data == bytes.fromhex(re.search(r"```hex delivery\n(.*?)\n```", PAGE, re.DOTALL)[1])
         ack = query(session, "hd/office/experience/desk-0", data)
