@@ -43,6 +43,7 @@ def chunk() -> dict:
         "kind": "chunk",
         "episode": 0,
         "first_step": 0,
+        "family": 0,
         "end": 0,
         "observations": {
             "count": array(3, 2),
@@ -72,7 +73,6 @@ def chunk() -> dict:
         "rewards": array(10, 0.5),
         "versions": array(4, 3),
         "probabilities": array(10, 0.25),
-        "family": 0,
         "labels": None,
     }
 
