@@ -1,0 +1,322 @@
+"""What planners read of a mapper: the belief's frontiers, the numbered viewpoints and the ways between them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.config.schema import MappingConfig
+from common.errors import MappingError
+from common.geometry import Pose
+from common.mapping.adjacency import Adjacency
+from common.mapping.belief import Belief
+from common.mapping.cell_grid import ClearGrid
+from common.mapping.clearance import CLEAR_CELL, SWEEP_TOLERANCE, TIGHT, sweep
+from common.mapping.distances import shortest_paths
+from common.mapping.frontiers import Frontiers
+from common.mapping.pieces import cells_of_nodes
+from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
+from common.mapping.sight import CLEAR, blocker
+from common.mapping.target import Target
+from common.mapping.utility import FrontierUtility
+from common.mapping.viewpoints import ViewpointGraph
+from common.observation import Observation
+
+
+class MapView:
+    """The state after the last update of a `Mapper`, which is the one that makes it; nothing here changes it.
+
+    Attributes:
+        belief: the grid.
+    """
+
+    belief: Belief
+    _config: MappingConfig
+    _lattice_origin: tuple[float, float]
+    _origin: NDArray[np.float64]
+    _pose: Pose | None
+    _robot: int
+    _order: NDArray[np.int32]
+    _numbers: NDArray[np.int32]
+    _edges: Adjacency
+    _positions: NDArray[np.float64]
+    _target: Target | None
+    _observation: Observation
+    _frontiers: Frontiers
+    _graph: ViewpointGraph
+    _utility: FrontierUtility
+
+    @property
+    def target(self) -> tuple[float, float] | None:
+        """(x, y) of the navigation target, metres, or None."""
+        return None if self._target is None else self._target.position
+
+    def observe(self) -> Observation:
+        """Return the observation of the last update.
+
+        Raises:
+            MappingError: there was no update yet, or no viewpoint can be reached from the pose (see `stuck`).
+        """
+        if self._pose is None:
+            raise MappingError("nothing to observe yet: call update(pose) after integrating a scan")
+        if self.stuck:
+            raise MappingError(
+                f"({self._pose.x:.2f}, {self._pose.y:.2f}) lies in no known free space where a robot of radius "
+                f"{self._config.robot_radius:g} m fits, and none is near: integrate more scans, move the robot into "
+                "free space, or use a smaller mapping.robot_radius"
+            )
+        return self._observation
+
+    @property
+    def stuck(self) -> bool:
+        """Whether the last update found no clear space where the robot is, so that there is no observation."""
+        return self._robot < 0
+
+    @property
+    def explored_area(self) -> float:
+        """Area known to be free, square metres."""
+        return self.belief.free_area
+
+    @property
+    def robot(self) -> int:
+        """Node number of the robot's viewpoint; -1 when stuck."""
+        return self._robot
+
+    @property
+    def target_known(self) -> bool:
+        """Whether the target is known to be free and tied to viewpoints in sight; see `Observation`."""
+        return self._target is not None and self._target.known
+
+    @property
+    def frontiers(self) -> NDArray[np.float64]:
+        """Centres of all frontier cells, row-major, metres, shape (m, 2)."""
+        rows, columns = np.nonzero(self._frontiers.mask)
+        return np.stack([columns + 0.5, rows + 0.5], axis=1) * self.belief.resolution + self._origin
+
+    def sightings(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        """Return which frontier cells each viewpoint of the last update observes: in range and in line of sight.
+
+        Returns:
+            Sparse rows by node number: the first entry of each, int64, shape (n + 1,), and the entries, places in
+            `frontiers`, ascending within a row, int32.
+        """
+        frontiers = np.flatnonzero(self._frontiers.padded_mask)
+        return self._utility.sightings(frontiers, self._numbers, len(self._order))
+
+    @property
+    def clear(self) -> ClearGrid:
+        """Where the robot fits in known free space: straight segments through its cells of value 0 keep the radius."""
+        cells = self._graph.cells
+        return ClearGrid(cells.clear.reshape(-1, cells.width), self._config.resolution, self.belief.origin)
+
+    @property
+    def lattice_origin(self) -> tuple[float, float]:
+        """(x, y) of one point of the viewpoint lattice, metres."""
+        return self._lattice_origin
+
+    @property
+    def frontier_mask(self) -> NDArray[np.bool_]:
+        """Frontier cells, bool, shape of the belief's padded grid; a copy."""
+        return self._frontiers.padded_mask.copy()
+
+    @property
+    def viewpoints(self) -> NDArray[np.float64]:
+        """Positions of the observation's viewpoints by node number, metres, shape (n, 2); a copy."""
+        return self._positions.copy()
+
+    @property
+    def edges(self) -> NDArray[np.int64]:
+        """Edges of the observation as pairs of node numbers, the lower first, shape (m, 2)."""
+        lower = np.repeat(np.arange(len(self._order)), np.diff(self._edges.pointer))
+        pairs = np.stack([lower, self._edges.neighbours], axis=1).astype(np.int64)
+        return pairs[pairs[:, 0] < pairs[:, 1]]
+
+    @property
+    def adjacency(self) -> Adjacency:
+        """The edges of the observation's viewpoints as rows of neighbours, with their lengths in metres."""
+        return self._edges
+
+    @property
+    def edge_lengths(self) -> NDArray[np.float64]:
+        """Length of each of the `edges`, metres, shape (m,)."""
+        ends = self.viewpoints[self.edges]
+        return np.asarray(np.hypot(*(ends[:, 1] - ends[:, 0]).T), dtype=np.float64)
+
+    @property
+    def beacons(self) -> NDArray[np.float64]:
+        """Positions of the beacons in node order, a known target last, metres, shape (m, 2)."""
+        positions = self._positions[self._observation.beacon] if not self.stuck else np.empty((0, 2))
+        return np.concatenate([positions, [self.target]]) if self.target_known else positions
+
+    def position(self, node: int) -> tuple[float, float]:
+        """Return the position of a node of the last update, metres; number n is the target.
+
+        Raises:
+            MappingError: there is no such node.
+        """
+        n = len(self._order)
+        if node == n and self.target is not None and not self.stuck:
+            return self.target
+        self._check_node(node, n)
+        x, y = self._positions[node]
+        return float(x), float(y)
+
+    def nodes_at(self, positions: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the viewpoint that stands for each of some positions: that of the piece of clear space which holds it.
+
+        Args:
+            positions: metres, shape (m, 2).
+
+        Returns:
+            Node numbers, -1 where a position lies in no piece of the last update's graph, int64, shape (m,).
+        """
+        cells = (positions - self._origin) / self.belief.resolution + 1.0
+        x, y = np.rint(cells.T * SUBCELLS).astype(np.int64)
+        pieces = self._graph.pieces_at(x, y)
+        return np.where(pieces >= 0, self._numbers[pieces], -1).astype(np.int64)
+
+    def joined(self, a: int, b: int) -> bool:
+        """Whether an edge joins two nodes, so that there is a `way`; no number of a node is joined with nothing."""
+        n = len(self._order)
+        if b == n and self._target is not None:
+            return self._target.known and a in self._target.links
+        return 0 <= a < n and 0 <= b < n and b in self._edges.of(a)
+
+    def way(self, a: int, b: int) -> list[tuple[float, float]]:
+        """Return where to drive from a node to a neighbour: the corners of the edge and the neighbour, metres.
+
+        Raises:
+            MappingError: a node does not exist, or no edge joins the two.
+        """
+        n = len(self._order)
+        self._check_node(a, n)
+        goal = self.position(b)
+        if b == n:
+            assert self._target is not None
+            if a not in self._target.links:
+                raise MappingError(
+                    f"node {a} has no link to the target: ask for the ways between neighbours, as `path` does"
+                )
+            return [*self._metres(self._target.way(self._graph, int(self._order[a]))[1:-1]), goal]
+        row = slice(int(self._edges.pointer[a]), int(self._edges.pointer[a + 1]))
+        place = np.flatnonzero(self._edges.neighbours[row] == b)
+        if not len(place):
+            raise MappingError(f"no edge joins nodes {a} and {b}: ask for the ways between neighbours, as `path` does")
+        if not self._edges.bent[row][place[0]]:
+            return [goal]
+        corners = self._graph.way(int(self._order[a]), int(self._order[b]))
+        return [*self._metres(corners[1:-1]), goal]
+
+    def way_home(self) -> list[tuple[float, float]]:
+        """Return where to drive from the pose of the last update to the robot's viewpoint, that included, metres.
+
+        Raises:
+            MappingError: the robot is stuck.
+        """
+        self.observe()
+        assert self._pose is not None
+        goal = self.position(self._robot)
+        if self.segment_free(self._pose.position, goal):
+            return [goal]
+        graph = self._graph
+        place = graph.pieces[graph.robot]
+        here = self.belief.subcells(self._pose.position)
+        corners = graph.way_within(graph.robot, here, (int(place["x"]), int(place["y"])))
+        return [*self._metres(corners[1:-1]), goal]
+
+    def segment_free(self, a: tuple[float, float], b: tuple[float, float]) -> bool:
+        """Whether the robot can drive straight from one position to another through what is known to be free.
+
+        A point may touch free cells alone; a robot with a radius keeps that from everything that is not free, or, where
+        it starts nearer, does not come nearer still.
+        """
+        rows, columns = self.belief.shape
+        points = (*self.belief.subcells(a), *self.belief.subcells(b))
+        for x, y in (points[:2], points[2:]):
+            if not (1 <= x >> SUBCELL_BITS <= columns and 1 <= y >> SUBCELL_BITS <= rows):
+                return False
+        cells = self._graph.cells
+        if blocker(cells.clear, cells.width, *points) == CLEAR:
+            return True
+        radius = self._config.robot_radius / self._config.resolution
+        if radius <= 0.0 or blocker(cells.belief, cells.width, *points) != CLEAR:
+            return False
+        x0, y0, x1, y1 = (value / SUBCELLS for value in points)
+        wanted = sweep(cells.belief, cells.width, x0, y0, x0, y0, radius)
+        return bool(sweep(cells.belief, cells.width, x0, y0, x1, y1, wanted) >= wanted - SWEEP_TOLERANCE)
+
+    @property
+    def room(self) -> NDArray[np.bool_]:
+        """Cells in whose middle the robot fits by what is known, bool, shape of the belief's padded grid; a copy."""
+        clear = self._graph.cells.clear.reshape(self.belief.padded.shape)
+        return (clear == CLEAR_CELL) | (clear == TIGHT)
+
+    def has_room(self, position: tuple[float, float]) -> bool:
+        """Whether the robot fits where the middle of a position's cell is, by what is known."""
+        row, column = self.belief.cell(position)
+        rows, columns = self.belief.shape
+        if not (0 <= row < rows and 0 <= column < columns):
+            return False
+        cells = self._graph.cells
+        return int(cells.clear[(row + 1) * cells.width + column + 1]) in (CLEAR_CELL, TIGHT)
+
+    def reachable_cells(self) -> NDArray[np.bool_]:
+        """Return the cells in whose middle the robot can get from where it is: those that the viewpoints stand for.
+
+        Returns:
+            bool, shape of the belief's padded grid.
+        """
+        graph = self._graph
+        inside = cells_of_nodes(graph.pieces, graph.first_of, graph.cells, graph.layout, self._numbers)
+        return inside.reshape(self.belief.padded.shape)
+
+    def distances(self, from_node: int) -> NDArray[np.float64]:
+        """Return the distance of every node from a viewpoint over edges, metres, shape (nodes,).
+
+        The target's, if there is one, is that over its best link; no path leads through the target.
+
+        Raises:
+            MappingError: `from_node` is not a viewpoint of the last update.
+        """
+        return self.shortest_paths(from_node)[0]
+
+    def path(self, from_node: int, to_node: int) -> list[int]:
+        """Return the nodes of a shortest path, both ends included; empty when none leads there.
+
+        Raises:
+            MappingError: `from_node` is not a viewpoint, or `to_node` not a node, of the last update.
+        """
+        distances, before = self.shortest_paths(from_node)
+        self._check_node(to_node, len(distances))
+        if not np.isfinite(distances[to_node]):
+            return []
+        nodes = [to_node]
+        while nodes[-1] != from_node:
+            nodes.append(int(before[nodes[-1]]))
+        return nodes[::-1]
+
+    def shortest_paths(self, from_node: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Return `distances` and the node before each one on its shortest path, -1 without one, int32, shape (nodes,).
+
+        Raises:
+            MappingError: `from_node` is not a viewpoint of the last update.
+        """
+        self._check_node(from_node, len(self._order))
+        edges = self._edges
+        distances, before = shortest_paths(edges.pointer, edges.neighbours, edges.lengths, from_node)
+        if self._target is None:
+            return distances, before
+        ways = distances[self._target.links] + self._target.lengths
+        best = int(np.argmin(ways)) if len(ways) else -1
+        length, link = (ways[best], self._target.links[best]) if best >= 0 and np.isfinite(ways[best]) else (np.inf, -1)
+        return np.append(distances, length), np.append(before, np.int32(link))
+
+    def _check_node(self, node: int, count: int) -> None:
+        if not 0 <= node < count:
+            raise MappingError(
+                f"there is no node {node}, the last update has {count}: use node numbers of the last observation"
+            )
+
+    def _metres(self, points: NDArray[np.int64]) -> list[tuple[float, float]]:
+        places = (points / SUBCELLS - 1.0) * self.belief.resolution + self._origin
+        return [(float(x), float(y)) for x, y in places]
