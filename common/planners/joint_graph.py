@@ -11,9 +11,9 @@ from common.jit import njit
 from common.mapping.candidates import IN_LINE, REACH_SQUARES
 from common.mapping.pieces import Cells, piece_at
 from common.mapping.raycast import SUBCELL_BITS
+from common.mapping.renewal import Pairs, Touches
 from common.mapping.sight import CLEAR, FREE, blocker
 from common.mapping.squares import Layout
-from common.mapping.viewpoints import Pairs, Touches
 from common.planners.graph_search import NO_WAY, find_place, straight_length
 
 Place = tuple[int, int]
