@@ -11,8 +11,9 @@ from common.mapping.mapper import Mapper
 # The world is judged once so much is known, as a share of the disc that the sensor reaches: 250 m2 at 20 m.
 JUDGED_AT: Final = 0.2
 # On the block maps of the policy's training a lattice square of known floor holds at most so many viewpoints; where
-# furniture, winding walls or trees divide the floor, it holds more.
+# furniture, winding walls or trees divide the floor, it holds more. And a decision shows so much of the disc, at least.
 MOST_VIEWPOINTS: Final = 1.05
+LEAST_SHOWN: Final = 0.2
 # In the open, which the policy masters although trees divide it, a decision shows much of the disc, and the known floor
 # has a long frontier: the share of the disc, and `FRONTIER_WEIGHT` times the frontier by the side of a square as large.
 OPEN: Final = 0.66
@@ -23,8 +24,8 @@ class Depth:
     """Judges early in an episode whether a policy trained on block maps is in its depth, once and for all.
 
     Measured at that time on 290 worlds of validation seeds: viewpoints a square 0.81 to 1.01 on public maps and in
-    rooms, 1.16 and more in offices, warehouses, tunnels and buildings; of these 140 worlds none counts as open, of 50
-    forests 94 % do (docs/training.md).
+    rooms, where a decision shows 0.23 of the disc or more; 1.16 and more in offices, warehouses, tunnels and buildings;
+    of these 140 worlds none counts as open, of 50 forests 94 % do (docs/training.md).
 
     Args:
         config: the mapping of the episode.
@@ -46,9 +47,9 @@ class Depth:
         self._decisions += 1
         area = mapper.explored_area
         if self._within is None and area >= JUDGED_AT * self._disc:
-            squares = area / self._square
             frontier = len(mapper.frontiers) * self._resolution
             shown = area / self._decisions / self._disc
             is_open = shown + FRONTIER_WEIGHT * frontier / math.sqrt(area) >= OPEN
-            self._within = is_open or len(mapper.viewpoints) <= MOST_VIEWPOINTS * squares
+            whole = len(mapper.viewpoints) * self._square <= MOST_VIEWPOINTS * area
+            self._within = is_open or (whole and shown >= LEAST_SHOWN)
         return bool(self._within)
