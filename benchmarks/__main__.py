@@ -24,6 +24,7 @@ from common.runtime import process_environment
 # Part, what it measures, threads of the numerical libraries (None: all cores, as in the learner).
 PARTS: dict[str, tuple[str, int | None]] = {
     "decision_step": ("belief, frontiers, graph, utility, beacons, observation: one decision on one core", 1),
+    "large_plan": ("a step of the mapper in a building of 265 m x 88 m that is wholly explored, and its memory", 1),
     "simulators": ("reset, scan and a leg of 4 m of each simulator and fidelity", 1),
     "inference": ("the policy at batch 1 on one core", 1),
     "actor_steps": ("full steps of one actor on one core", 1),

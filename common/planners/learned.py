@@ -163,7 +163,7 @@ class LearnedPlanner:
 
     def plan(self, mapper: Mapper, pose: Pose) -> Plan:
         """Decide; the mapper has taken in the newest scan and was updated at this pose."""
-        if self._depth is not None and not mapper.stuck and not self._depth.within(mapper):
+        if self._depth is not None and not mapper.stuck and not self._depth.within(mapper, self.rule_applied):
             assert self._classical is not None
             self.guarded += 1
             self.attention = None

@@ -10,7 +10,7 @@ from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, T
 from common.mapping.mapper import Mapper
 from common.messages.experience import End
 from common.planners.base import TaskName
-from common.planners.depth import Depth
+from common.planners.depth import MOST_CYCLES, Depth
 from common.planners.learned import LearnedPlanner, bare_planner
 from common.planners.registry import make_planner
 from common.shipped import shipped_policy
@@ -33,16 +33,24 @@ def test_worlds_are_told_apart_early(name: str, within: bool) -> None:
         environment = environment_in(name, number)
         planner = make_planner("nearest", MAPPING)
         depth = Depth(MAPPING)
-        judged = depth.within(environment.mapper)
+        judged = depth.within(environment.mapper, 0)
         while environment.end is End.NONE and environment.mapper.explored_area < 260.0:
             plan = planner.plan(environment.mapper, environment.pose)
             assert plan.waypoint is not None
             environment.step_to(plan.waypoint, plan.via)
-            judged = depth.within(environment.mapper)
+            judged = depth.within(environment.mapper, 0)
         assert judged == within, number
-        # Once and for all.
-        other = "office" if within else "rooms"
-        assert depth.within(environment_in(other, number).mapper) == within
+        if not within:
+            # Once and for all.
+            assert not depth.within(environment_in("rooms", number).mapper, 0)
+
+
+def test_a_policy_that_dithers_is_out_of_its_depth() -> None:
+    rooms = environment_in("rooms", 5_000_000).mapper
+    depth = Depth(MAPPING)
+    assert depth.within(rooms, MOST_CYCLES)
+    assert not depth.within(rooms, MOST_CYCLES + 1)
+    assert not depth.within(rooms, 0)
 
 
 @pytest.mark.parametrize(("task", "classical"), [("exploration", "tour"), ("navigation", "dstar_lite")])
