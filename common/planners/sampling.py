@@ -15,7 +15,7 @@ from common.mapping.mapper import Mapper
 from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.rrt import free_box
-from common.planners.viewpoint_planner import check_task, next_leg
+from common.planners.viewpoint_planner import ScannedViewpoints, check_task, lead_to, next_leg
 from common.planners.visibility import at_ease, unknown_in_sight
 
 # Edges are this much shorter than the longest waypoint, so that rounding cannot make one too far.
@@ -32,6 +32,9 @@ class SamplingPlanner(ABC):
     A place gains nothing when the robot was next to it since it last learned of any cell: the scan from there told
     nothing, and would tell the same again. No publication says so; without it a robot whose sensor cannot resolve what
     the belief promises, for example over a drop, would go there forever.
+
+    Random places seldom lie in doors that a robot barely fits through. So one with a radius does not end before it has
+    been at the viewpoints that still observe frontiers, the nearest first. No publication says that, either.
     """
 
     name: str = ""
@@ -59,6 +62,7 @@ class SamplingPlanner(ABC):
         check_task(self.name, self.tasks, task)
         del target
         self.random = np.random.default_rng(seed)
+        self._scanned = ScannedViewpoints(self.config.viewpoint_spacing)
         self._barren: list[Position] = []
         self._known_cells = -1
         self.begin()
@@ -74,7 +78,26 @@ class SamplingPlanner(ABC):
             self._known_cells = mapper.belief.known_cells
             self._barren.clear()
         self._barren.append(pose.position)
-        return self.decide(mapper, pose, *box)
+        plan = self.decide(mapper, pose, *box)
+        if plan.status is Status.COMPLETE and self.config.robot_radius > 0.0:
+            return self._visit_viewpoints(mapper, pose) or plan
+        return plan
+
+    def _visit_viewpoints(self, mapper: Mapper, pose: Pose) -> Plan | None:
+        """Lead to the nearest viewpoint that observes frontiers and was not scanned from; None without one."""
+        if mapper.stuck:
+            return None
+        self._scanned.note(mapper, pose)
+        candidates = self._scanned.candidates(mapper)
+        distances = mapper.distances(mapper.robot)[candidates]
+        if not np.isfinite(distances).any():
+            return None
+        goal = int(candidates[np.argmin(distances)])
+        plan = lead_to(mapper, pose, [goal], self.config.viewpoint_spacing)
+        if plan.waypoint is None:
+            return None
+        self._scanned.note_attempt(pose, plan.waypoint, mapper.position(goal))
+        return plan
 
     def _leave_margin(self, mapper: Mapper, pose: Pose) -> Plan:
         """Lead a robot that stands too near to obstacles for straight lines to the nearest viewpoint where it may."""
