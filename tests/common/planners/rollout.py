@@ -80,7 +80,7 @@ def drive(
     simulator = GridSimulator(SimulatorConfig(name="grid", rays=rays), config.sensor_range)
     pose = simulator.reset(world, seed)
     bounds = (*world.origin, world.origin[0] + world.size[0], world.origin[1] + world.size[1])
-    judge, coverage = make_task(task), Coverage(world)
+    judge, coverage = make_task(task), Coverage(world, config.robot_radius)
     judge.reset(world)
     mapper = Mapper(
         config, lattice_origin=world.lattice_origin, bounds=bounds if bounded else None, target=judge.target
