@@ -158,6 +158,12 @@ class RobotMap:
                 self._intake.drop("grid not wanted", "an OccupancyGrid came, but sensing.source is not 'grid'")
             elif self._grid_order.take(time) is Order.LATE:
                 self._intake.drop("grid outdated", "an OccupancyGrid came after a newer one")
+            elif cells.max(initial=-1) == 1:
+                self._intake.drop(
+                    "grid refused",
+                    "an OccupancyGrid's cells are percentages, -1 unknown, 0 free to 100 occupied; none of this one is "
+                    "above 1, so that its walls would be free: publish 100 where it says 1",
+                )
             else:
                 self._grid_pending = SlamGrid(cells, resolution, origin)
 

@@ -36,13 +36,16 @@ RESOLUTIONS = (1e-3, 1e2)
 def scan_from(scan: Message) -> Scan:
     """Return the ranges of a LaserScan, without a copy where they are float32 already.
 
+    A range_max of infinity, which pointcloud_to_laserscan sends where no limit is set, is the largest float32.
+
     Raises:
         RosError: when the angles or ranges are not finite or not increasing limits, or there are too many beams.
     """
-    numbers = (scan.angle_min, scan.angle_increment, scan.range_min, scan.range_max)
+    range_max = min(scan.range_max, float(np.finfo(np.float32).max))
+    numbers = (scan.angle_min, scan.angle_increment, scan.range_min, range_max)
     if not all(math.isfinite(number) for number in numbers) or scan.angle_increment == 0.0:
         raise RosError(f"a LaserScan needs finite angles and range limits and an increment, got {numbers}")
-    if not 0.0 <= scan.range_min < scan.range_max:
+    if not 0.0 <= scan.range_min < range_max:
         raise RosError(f"a LaserScan's range_min {scan.range_min} must be below its range_max {scan.range_max}")
     if max(abs(scan.angle_min), abs(scan.angle_increment)) > MAX_ANGLE:
         raise RosError(
@@ -52,7 +55,7 @@ def scan_from(scan: Message) -> Scan:
     if len(scan.ranges) > MAX_BEAMS:
         raise RosError(f"a LaserScan must have at most {MAX_BEAMS} beams, got {len(scan.ranges)}")
     ranges = np.asarray(scan.ranges, np.float32)
-    return Scan(ranges, scan.angle_min, scan.angle_increment, scan.range_max, scan.range_min)
+    return Scan(ranges, scan.angle_min, scan.angle_increment, range_max, scan.range_min)
 
 
 def laser_scan(time: float, frame: str, scan: Scan, scan_time: float = 0.0) -> Message:
@@ -111,12 +114,12 @@ def pose_from(odometry: Message) -> tuple[float, Pose, tuple[float, float]]:
 
 
 def pose_from_stamped(stamped: Message) -> tuple[float, Pose]:
-    """Return stamp (s) and pose of a PoseStamped.
+    """Return stamp (s) and pose of a PoseStamped; its rotation may be left out (0, 0, 0, 0), as goals often do.
 
     Raises:
         RosError: when the pose is not finite.
     """
-    return seconds(stamped.header.stamp), _pose(stamped.pose)
+    return seconds(stamped.header.stamp), _pose(stamped.pose, may_be_unset=True)
 
 
 def position_from(stamped: Message) -> tuple[float, Position]:
@@ -192,6 +195,8 @@ def transform_message(transforms: Sequence[Message]) -> Message:
 def grid_from(grid: Message) -> tuple[NDArray[np.int8], float, tuple[float, float, float]]:
     """Return the cells (rows, columns) of an OccupancyGrid, metres per cell, and x, y, yaw of cell (0, 0)'s corner.
 
+    The origin's rotation may be left out (0, 0, 0, 0): then the map is not turned, as for RViz and nav2.
+
     Raises:
         RosError: when the size does not fit the cells, or the resolution is not positive.
     """
@@ -205,7 +210,7 @@ def grid_from(grid: Message) -> tuple[NDArray[np.int8], float, tuple[float, floa
         raise RosError(
             f"an OccupancyGrid of {info.width} x {info.height} cells (at most {MAX_CELLS}) has {len(grid.data)} cells"
         )
-    corner = _pose(info.origin)
+    corner = _pose(info.origin, may_be_unset=True)
     cells = np.asarray(grid.data, np.int8).reshape(info.height, info.width)
     return cells, info.resolution, (corner.x, corner.y, corner.yaw)
 
@@ -306,10 +311,13 @@ def velocity_from(command: Message) -> tuple[float, float]:
     return linear, angular
 
 
-def _pose(pose: Message) -> Pose:
+def _pose(pose: Message, *, may_be_unset: bool = False) -> Pose:
     x, y = pose.position.x, pose.position.y
     _check_metres("a position", x, y, pose.position.z)
-    return Pose(x, y, yaw_of(pose.orientation))
+    turn = pose.orientation
+    if may_be_unset and (turn.x, turn.y, turn.z, turn.w) == (0.0, 0.0, 0.0, 0.0):
+        return Pose(x, y, 0.0)
+    return Pose(x, y, yaw_of(turn))
 
 
 def _check_metres(what: str, *numbers: float) -> None:

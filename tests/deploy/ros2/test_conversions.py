@@ -48,7 +48,7 @@ def test_scans_round_trip(stamp, ranges, first, step):
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("angle_min", math.nan), ("angle_increment", 0.0), ("range_max", math.inf), ("range_min", 30.0)],
+    [("angle_min", math.nan), ("angle_increment", 0.0), ("range_max", math.nan), ("range_min", 30.0)],
 )
 def test_scans_without_sense_are_refused(field, value):
     scan = convert.laser_scan(0.0, "laser", Scan(np.ones(3, np.float32), 0.0, 0.1, 20.0))
@@ -299,3 +299,25 @@ def test_what_is_beyond_reason_is_refused_by_name(value):
         convert.scan_from(convert.laser_scan(1.0, "laser", Scan(np.ones(4, np.float32), -180.0, 0.5, 30.0)))
     with pytest.raises(RosError, match="at most 131072 beams"):
         convert.scan_from(convert.laser_scan(1.0, "laser", Scan(np.ones(200_000, np.float32), 0.0, 1e-4, 30.0)))
+
+
+def test_a_scan_without_a_limit_is_taken():
+    scan = convert.laser_scan(1.0, "laser", Scan(np.full(360, 3.0, np.float32), -math.pi, math.radians(1.0), 20.0, 0.1))
+    scan.range_max = math.inf
+    back = convert.scan_from(scan)
+    assert math.isfinite(back.range_max) and back.range_max > 1e30
+    assert back.ranges.tolist() == scan.ranges.tolist()
+
+
+def test_a_rotation_that_was_never_set_is_none_for_goals_and_maps_but_wrong_for_poses_of_the_robot():
+    goal = convert.pose_stamped(1.0, "map", Pose(1.0, 2.0, 0.5))
+    goal.pose.orientation = message("geometry_msgs/msg/Quaternion")
+    goal.pose.orientation.w = 0.0
+    assert convert.pose_from_stamped(goal) == (1.0, Pose(1.0, 2.0, 0.0))
+    grid = convert.occupancy_grid(1.0, "map", np.zeros((2, 3), np.int8), 0.5, (1.0, 2.0, 0.5))
+    grid.info.origin.orientation = goal.pose.orientation
+    assert convert.grid_from(grid)[2] == (1.0, 2.0, 0.0)
+    odometry = convert.odometry(1.0, "odom", "base_link", Pose(1.0, 2.0, 0.5))
+    odometry.pose.pose.orientation = goal.pose.orientation
+    with pytest.raises(RosError, match="quaternion"):
+        convert.pose_from(odometry)
