@@ -15,6 +15,16 @@ def collector_of(preset, *, role="train", overrides=()):
     return Collector(config, [0, 0], delivered.append, role=role), delivered
 
 
+def test_a_mix_of_worlds_serves_either_task():
+    for task in ("exploration", "navigation"):
+        collector, delivered = collector_of("mix", overrides=[f"task.name={task}"])
+        report = collector.collect()
+        collector.close()
+        assert report is not None and (report.task, report.family) == (task, "rooms")
+        chunks = [item for item in delivered if isinstance(item, Chunk)]
+        assert sum(int(chunk.observations.route_count.sum()) for chunk in chunks) > 0
+
+
 @pytest.mark.parametrize("preset", ["exploration", "navigation"])
 def test_a_recipe_collects_labelled_steps_of_its_task(preset):
     collector, delivered = collector_of(preset)
@@ -29,7 +39,7 @@ def test_a_recipe_collects_labelled_steps_of_its_task(preset):
 
 
 def test_the_recipe_for_both_tasks_gives_each_half_of_the_steps():
-    collector, delivered = collector_of("both", overrides=["families=[]"])
+    collector, delivered = collector_of("both")
     reports = [collector.collect() for _ in range(6)]
     collector.close()
     steps = {task: sum(r.steps for r in reports if r.task == task) for task in ("exploration", "navigation")}
@@ -40,7 +50,7 @@ def test_the_recipe_for_both_tasks_gives_each_half_of_the_steps():
 
 
 def test_validation_of_both_tasks_has_worlds_of_both():
-    collector, _ = collector_of("both", role="evaluate", overrides=["task.max_steps=2", "families=[]"])
+    collector, _ = collector_of("both", role="evaluate", overrides=["task.max_steps=2"])
     assert [arena.task for arena, _ in collector.worlds] == ["exploration"] * 2 + ["navigation"]
     tasks = [collector.evaluate(index).task for index in range(len(collector.worlds))]
     collector.close()

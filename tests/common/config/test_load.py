@@ -105,7 +105,7 @@ def test_the_resolved_configuration_reads_back_equal(tmp_path):
 
 
 def test_families_read_back_equal(tmp_path):
-    config = load_config(preset="exploration")
+    config = load_config(preset="mix")
     assert config.families
     file = tmp_path / "resolved.toml"
     file.write_text(to_toml(config))
