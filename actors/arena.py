@@ -15,11 +15,9 @@ from actors.maps.sources import fixed_numbers, open_sources
 from actors.simulators.base import Simulator
 from actors.tasks import make_task
 from common.config.schema import FamilyConfig, MappingConfig, RunConfig, TaskConfig
+from common.messages.experience import FAILURE
 from common.planners.reference import REFERENCE_PLANNERS, ReferenceRoute
 from common.planners.registry import make_planner
-
-# A failed episode of the classical planner counts so many times its distance.
-_FAILURE = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +99,7 @@ class Arena:
         stage = self.fixed(number)
         planner = make_planner(REFERENCE_PLANNERS[self._task.name], stage.environment.mapping)
         outcome = run_planner(stage.environment, planner, stage.world, seed=number, time_limit=float("inf"))
-        return outcome.distance if outcome.success else _FAILURE * outcome.distance
+        return outcome.distance if outcome.success else FAILURE * outcome.distance
 
     def _stage(self, world: GridMap, mapping: MappingConfig) -> Stage:
         task, family = self._task, self._settings

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from common.observation import ObservationBatch
 
+FAILURE = 2.0
+"""Where distances are compared, a failed episode counts so many times its own."""
+
 
 class End(IntEnum):
     """How an episode ended; only a terminal end cuts the bootstrap."""

@@ -9,13 +9,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from common.messages.experience import EpisodeReport
+from common.messages.experience import FAILURE, EpisodeReport
 from learner.run.episodes import EpisodeMeans, mean_episode
 
 Policy = Mapping[str, NDArray[Any]]
 
-FAILURE = 2.0
-"""A failed episode counts so many times its distance."""
 WORST_RATIO = "worst_ratio"
 
 
