@@ -46,10 +46,10 @@ FEATURE_NAMES["guided"] = (
 )
 
 # Lattice steps per unit of a position or distance, and the largest such value.
-_SCALE = 20.0
+DISTANCE_SCALE = 20.0
 _LIMIT = 8.0
 # Lattice steps per unit of the sensor's range.
-_REACH_SCALE = 10.0
+REACH_SCALE = 10.0
 # Cells to a lattice step where a frontier cell of the set `guided` counts once: 4 m of 0.25 m, the public benchmark's.
 _CELLS = 16.0
 # On a lattice the degree is 1 at most; where small rooms crowd it may be more.
@@ -176,15 +176,15 @@ def _fill_features(
             out[first + n, 6] = 1.0
         for i in range(last - first):
             row = out[first + i]
-            row[0] = min(max(x[i] / _SCALE, -_LIMIT), _LIMIT)
-            row[1] = min(max(y[i] / _SCALE, -_LIMIT), _LIMIT)
+            row[0] = min(max(x[i] / DISTANCE_SCALE, -_LIMIT), _LIMIT)
+            row[1] = min(max(y[i] / DISTANCE_SCALE, -_LIMIT), _LIMIT)
             if has_target[g]:
                 dx, dy = x[n] - x[i], y[n] - y[i]
                 distance = math.hypot(dx, dy)
                 if distance > 0.0:
                     row[7] = dx / distance
                     row[8] = dy / distance
-                row[9] = min(distance / _SCALE, _LIMIT)
+                row[9] = min(distance / DISTANCE_SCALE, _LIMIT)
         if extended:
             _fill_extended(
                 n,
@@ -226,9 +226,9 @@ def _fill_extended(
         degree = 0
         for slot in range(slots - EXTRA_SLOTS):
             degree += neighbours[i, slot] >= 0
-        row[10] = min(distance[i] / _SCALE, _LIMIT)
+        row[10] = min(distance[i] / DISTANCE_SCALE, _LIMIT)
         row[11] = min(degree / NEIGHBOUR_COUNT, _DEGREE_LIMIT)
-        row[12] = min(useful[i] / _SCALE, _LIMIT)
+        row[12] = min(useful[i] / DISTANCE_SCALE, _LIMIT)
         row[13] = row[4] > 0.0 and distance[i] < np.inf
     # From the farthest node inwards, each marked node marks all its predecessors on shortest paths.
     for position in range(len(order) - 1, -1, -1):
@@ -249,7 +249,7 @@ def _fill_extended(
         _shortest_paths(neighbours, lengths, first, target, distance)
         distance[target] = 0.0
         for i in range(nodes):
-            out[first + i, 14] = min(distance[i] / _SCALE, _LIMIT)
+            out[first + i, 14] = min(distance[i] / DISTANCE_SCALE, _LIMIT)
 
 
 @njit(cache=True, nogil=True)
@@ -273,7 +273,7 @@ def _fill_guided(
         for i in range(count[g]):
             out[first + i, 2] = math.log1p(utility[view + i] * cell[g] * _CELLS) / 4.0
         for row in range(first, last):
-            out[row, 18] = min(reach[g] / _REACH_SCALE, _LIMIT)
+            out[row, 18] = min(reach[g] / REACH_SCALE, _LIMIT)
         here = np.int64(robot[g])
         length = 0.0
         for k in range(at, at + route_count[g]):
@@ -284,7 +284,7 @@ def _fill_guided(
             row = out[first + there]
             if row[15] == 0.0:
                 row[15] = 1.0
-                row[16] = min(length / _SCALE, _LIMIT)
+                row[16] = min(length / DISTANCE_SCALE, _LIMIT)
             if k == at:
                 row[17] = 1.0
             here = there

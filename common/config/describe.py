@@ -103,7 +103,7 @@ def _row(name: str, field: FieldInfo, default: Any) -> str:
 
 def _kind(field: FieldInfo) -> str:
     text = str(field.annotation)
-    if text.startswith("tuple[common.config.schema."):
+    if any(isinstance(item, type) and issubclass(item, BaseModel) for item in get_args(field.annotation)):
         return "list of tables"
     if "Literal" in text and not text.startswith("tuple"):
         inner = text[text.index("[") + 1 : text.rindex("]")]

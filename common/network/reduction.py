@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.features import FEATURE_NAMES
+from common.features import DISTANCE_SCALE, FEATURE_NAMES, REACH_SCALE
 from common.jit import njit
 
 SURROUNDINGS = 4.0
@@ -29,8 +29,6 @@ _UTILITY, _BEACON, _ROBOT, _TARGET = (_NAMES.index(name) for name in ("utility",
 _DISTANCE, _ON_PATH = _NAMES.index("robot_graph_distance"), _NAMES.index("on_beacon_path")
 _ON_ROUTE = FEATURE_NAMES["guided"].index("on_route")
 _REACH = FEATURE_NAMES["guided"].index("reach")
-_SCALE = 20.0
-_REACH_SCALE = 10.0
 
 
 def kept_rows(
@@ -54,7 +52,7 @@ def kept_rows(
     Returns:
         bool, shape (nodes,); robot, its neighbours, beacons and targets are always among them.
     """
-    distance = features[:, _DISTANCE] * _SCALE
+    distance = features[:, _DISTANCE] * DISTANCE_SCALE
     useful, on_path = features[:, _UTILITY] > 0.0, features[:, _ON_PATH] > 0.0
     always = (features[:, _BEACON] > 0.0) | (features[:, _TARGET] > 0.0)
     if features.shape[1] > _ON_ROUTE:
@@ -69,7 +67,7 @@ def kept_rows(
     counts = np.add.reduceat(kept, node_ptr[:-1], dtype=np.int64)
     large = np.repeat(counts > MOST_NODES, np.diff(node_ptr))
     near = distance <= TOKEN_SURROUNDINGS
-    near |= useful & (distance <= features[:, _REACH] * _REACH_SCALE)
+    near |= useful & (distance <= features[:, _REACH] * REACH_SCALE)
     near |= on_path & (distance <= TOKEN_PATHS)
     return np.where(large, always | near, kept)
 
