@@ -13,10 +13,10 @@ from actors.expert import make_expert
 from actors.maps.grid_map import GridMap
 from actors.maps.sources import fixed_numbers, open_sources
 from actors.simulators.base import Simulator
-from actors.tasks import make_task
+from actors.tasks import make_goal
 from common.config.schema import FamilyConfig, MappingConfig, RunConfig, TaskConfig
 from common.messages.experience import FAILURE
-from common.planners.reference import REFERENCE_PLANNERS, ReferenceRoute
+from common.planners.reference import ReferenceRoute
 from common.planners.registry import make_planner
 
 
@@ -97,7 +97,7 @@ class Arena:
     def classical_distance(self, number: int) -> float:
         """Return how far the classical planner of the task drives in the world of `fixed`, metres."""
         stage = self.fixed(number)
-        planner = make_planner(REFERENCE_PLANNERS[self._task.name], stage.environment.mapping)
+        planner = make_planner(self._task.kind.reference, stage.environment.mapping)
         outcome = run_planner(stage.environment, planner, stage.world, seed=number, time_limit=float("inf"))
         return outcome.distance if outcome.success else FAILURE * outcome.distance
 
@@ -110,7 +110,7 @@ class Arena:
         environment = Environment(
             self._simulator,
             mapping,
-            make_task(task),
+            make_goal(task),
             self._reward,
             limit,
             make_expert(task, mapping) if self._privileged else None,

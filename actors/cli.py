@@ -16,9 +16,10 @@ from actors.supervisor import Supervisor
 from common.bus.liveness import present
 from common.bus.session import open_client_session
 from common.bus.spec import list_runs
-from common.cli import command_errors
-from common.config.schema import BusConfig, RunConfig
+from common.cli import Version, command_errors, completing
+from common.config.schema import BusConfig
 from common.errors import ConfigError
+from common.extensions import SIMULATORS
 from common.ids import check_id
 from common.logs import setup_logging
 from common.messages.replies import Spec
@@ -41,13 +42,6 @@ Examples:
 
   hd-actor --gui --fidelity dynamic                   watch one robot drive
 """
-
-
-class SimulatorName(StrEnum):
-    """Simulators to choose from."""
-
-    PYBULLET = "pybullet"
-    GRID = "grid"
 
 
 class Fidelity(StrEnum):
@@ -75,7 +69,14 @@ def main(
         typer.Option(help=f"Endpoint of the learner, or of a Zenoh router. [default: {DEFAULT_ENDPOINT}]"),
     ] = None,
     run: Annotated[str | None, typer.Option(help="Name of the run; not needed while exactly one is there.")] = None,
-    sim: Annotated[SimulatorName | None, typer.Option(help="Simulator, instead of the run's.")] = None,
+    sim: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Simulator, instead of the run's: pybullet, grid, one that a package adds, or MODULE:CLASS.",
+            autocompletion=completing(SIMULATORS),
+        ),
+    ] = None,
     fidelity: Annotated[Fidelity | None, typer.Option(help="Fidelity of PyBullet, instead of the run's.")] = None,
     maps: Annotated[
         list[str] | None,
@@ -87,6 +88,14 @@ def main(
     evaluate: Annotated[
         bool, typer.Option("--evaluate", help="Act greedily in the validation worlds; report, but train nothing.")
     ] = False,
+    allow: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="MODULE:CLASS",
+            help="Simulator, task or generator of your own that the run may name: an actor loads no module that only "
+            "the learner names. May be repeated.",
+        ),
+    ] = None,
     gui: Annotated[bool, typer.Option("--gui", help="Open PyBullet's window (needs a display).")] = False,
     name: Annotated[
         str | None, typer.Option(metavar="PREFIX", help="Names are PREFIX-0, PREFIX-1, ... [default: the host's name]")
@@ -95,16 +104,20 @@ def main(
     tls_certificate: Annotated[str | None, typer.Option(help="This host's certificate (PEM).")] = None,
     tls_key: Annotated[str | None, typer.Option(help="This host's private key (PEM).")] = None,
     log_level: Annotated[LogLevel | None, typer.Option(help="How much is logged. [default: info]")] = None,
+    version: Version = False,
 ) -> None:
     """Run simulated robots that collect experience for a learner.
 
     Everything about the run comes from the learner, so an actor needs no more than its endpoint. Actors may start
     before the learner, come and go at any time, and go on while it is away. Ctrl-C ends them within three seconds.
     """
+    del version
     setup_logging(None if log_level is None else log_level.value)
+    if sim is not None:
+        SIMULATORS.check(sim)
     if gui and num > 1:
         raise ConfigError(f"--gui opens one window: use it with --num 1, not --num {num}")
-    if gui and sim is SimulatorName.GRID:
+    if gui and sim == "grid":
         raise ConfigError("--gui shows PyBullet's window: leave it out, or use --sim pybullet")
     prefix = _checked_id(name or host_name(), "--name")
     bus = _bus(connect, tls_ca, tls_certificate, tls_key)
@@ -113,22 +126,25 @@ def main(
         "run": run_name,
         "bus": bus,
         "evaluate": evaluate,
-        "simulator": None if sim is None else sim.value,
+        "simulator": sim,
         "fidelity": None if fidelity is None else fidelity.value,
         "maps": tuple(maps or ()),
+        "allow": tuple(allow or ()),
         "gui": gui,
         "log_level": None if log_level is None else log_level.value,
         "parent": os.getpid(),
     }
     names = free_names(prefix + ("-eval" if evaluate else ""), num, taken)
+    options = [ActorOptions.model_validate({**common, "name": each}) for each in names]
+    # What this machine cannot do is said here, once, and not by each process.
+    config = None if spec is None else options[0].accept(spec.config)
     if num > 1:
         # Once, in one process: a fresh install compiles for a minute, and eight processes would do so all at once.
         log.info("preparing the kernels")
-        network = [] if spec is None else [_network(spec)]
+        network = [] if config is None else [config.network.model_dump_json()]
         subprocess.run(python_module("actors.warmup", *network), env=process_environment(threads=1), check=True)
     log.info("starting %d %s for run %r: %s", num, "evaluators" if evaluate else "actors", run_name, ", ".join(names))
-    supervisor = Supervisor([ActorOptions.model_validate({**common, "name": each}) for each in names])
-    raise typer.Exit(supervisor.run())
+    raise typer.Exit(Supervisor(options).run())
 
 
 def free_names(prefix: str, count: int, taken: frozenset[str]) -> list[str]:
@@ -173,16 +189,6 @@ def _find_run(bus: BusConfig, run: str | None) -> tuple[str, frozenset[str], Spe
             run = next(iter(runs))
         _checked_id(run, "--run")
         return run, frozenset(name for _, name in present(session, run)), runs.get(run)
-
-
-def _network(spec: Spec) -> str:
-    try:
-        return RunConfig.model_validate_json(spec.config).network.model_dump_json()
-    except ValidationError as error:
-        raise ConfigError(
-            f"the learner of run {spec.run!r} has a configuration that this version does not know: use the same "
-            f"version on all machines ({error.errors()[0]['msg']})"
-        ) from error
 
 
 def _checked_id(value: str, option: str) -> str:

@@ -15,7 +15,7 @@ from actors.driver import Driver, ExpertDriver, PolicyDriver
 from actors.episode import Role, run_episode
 from actors.maps.sources import recommended
 from actors.recorder import Recorder
-from actors.simulators.factory import make_simulator
+from actors.simulators.factory import make_simulator, simulator_label
 from common.config.schema import MappingConfig, RunConfig
 from common.errors import MapError
 from common.messages.experience import Chunk, EpisodeReport
@@ -65,14 +65,13 @@ class Collector:
         self._updates = 0
         evaluate = role == "evaluate"
         self._simulator = make_simulator(config.simulator, config.mapping.sensor_range, gui)
-        fidelity = f"-{config.simulator.fidelity}" if config.simulator.name == "pybullet" else ""
-        self.simulator_name = config.simulator.name + fidelity
+        self.simulator_name = simulator_label(config.simulator)
         self._role = Role(role, self.simulator_name)
         self._arenas = [
             Arena(config, task, family, number, self._simulator, evaluate=evaluate)
             for number, family in enumerate(config.mix)
             for task in config.tasks
-            if task.name in family.tasks and config.sources(family, task.name, evaluate=evaluate)
+            if family.serves(task.name) and config.sources(family, task.name, evaluate=evaluate)
         ]
         self._steps_of = [0] * len(self._arenas)
         if not config.families:

@@ -13,7 +13,7 @@ from actors.expert import Expert, Judgement
 from actors.maps.grid_map import GridMap
 from actors.rewards import StepOutcome, step_reward
 from actors.simulators.base import Leg, Simulator
-from actors.tasks import Task
+from actors.tasks import Goal
 from actors.tasks.coverage import Coverage
 from common.config.schema import MappingConfig, RewardConfig
 from common.errors import ConfigError, HDError, MapError
@@ -22,7 +22,7 @@ from common.mapping.mapper import Mapper
 from common.mapping.viewpoints import LONGEST_EDGE
 from common.messages.experience import End
 from common.observation import Observation
-from common.planners.base import Position, TaskName
+from common.planners.base import Position
 from common.planners.reference import ReferenceRoute
 from common.planners.viewpoint_planner import TOLERANCE
 
@@ -73,7 +73,7 @@ class Step:
 
 
 class Environment:
-    """Runs a simulator, the robot's mapping and a task; may use the true map for reward, end and metrics alone.
+    """Runs a simulator, the robot's mapping and a task's goal; may use the true map for reward, end and metrics alone.
 
     Usage::
 
@@ -103,7 +103,7 @@ class Environment:
         self,
         simulator: Simulator,
         mapping: MappingConfig,
-        task: Task,
+        goal: Goal,
         reward: RewardConfig,
         max_steps: int,
         expert: Expert | None = None,
@@ -114,7 +114,7 @@ class Environment:
         Args:
             simulator: the world and the robot; the caller closes it.
             mapping: what the robot makes of its scans.
-            task: when an episode is complete.
+            goal: when an episode is complete.
             reward: the potential kind needs an ``expert``.
             max_steps: decisions before the episode is truncated.
             expert: privileged expert for labels and for the potential reward.
@@ -125,7 +125,7 @@ class Environment:
         """
         if reward.kind == "potential" and expert is None:
             raise ConfigError("reward.kind = 'potential' needs the privileged expert: pass one, or use kind 'paper'")
-        self.task = task
+        self.goal = goal
         self._simulator = simulator
         self.mapping = mapping
         self._reward = reward
@@ -152,7 +152,7 @@ class Environment:
         Raises:
             MapError: the world does not suit the task, or no viewpoint can be reached from the start.
         """
-        self.task.reset(world)
+        self.goal.reset(world)
         self.world = world
         self.coverage = Coverage(world, self.mapping.robot_radius)
         self.steps = self.collisions = 0
@@ -170,11 +170,10 @@ class Environment:
             self.mapping,
             lattice_origin=world.lattice_origin,
             bounds=(*world.origin, world.origin[0] + width, world.origin[1] + height),
-            target=self.task.target,
+            target=self.goal.target,
         )
         if self._reference is not None:
-            name: TaskName = "navigation" if self.task.target is not None else "exploration"
-            self._reference.reset(name, self.task.target)
+            self._reference.reset(self.goal.task.name, self.goal.target)
         self._sense()
         if self.mapper.stuck:
             raise MapError(
@@ -183,7 +182,7 @@ class Environment:
             )
         observation = self.mapper.observe()
         # A robot that already has its target in reach needs no viewpoint first.
-        if on_lattice and not self.task.complete(self.coverage, self.pose):
+        if on_lattice and not self.goal.complete(self.coverage, self.pose):
             observation = self._go_to_viewpoint(observation)
         self._observation = observation
         self._settle()
@@ -222,7 +221,7 @@ class Environment:
         """Carry out one decision: drive along a way of straight legs."""
         before = self.remaining() if self._reward.kind == "potential" else None
         frontier = self.mapper.frontiers_removed
-        to_target = self.task.progress(self.pose)
+        to_target = self.goal.progress(self.pose)
         travelled, collided = self.distance, self.collisions
         self.mapping_seconds = 0.0
 
@@ -239,7 +238,7 @@ class Environment:
         outcome = StepOutcome(
             distance=self.distance - travelled,
             frontier_removed=(self.mapper.frontiers_removed - frontier) * self.mapping.resolution,
-            progress=to_target - self.task.progress(self.pose),
+            progress=to_target - self.goal.progress(self.pose),
             complete=self.reason == "complete",
             remaining_before=before,
             remaining_after=None if before is None else self._remaining_after(before),
@@ -284,7 +283,7 @@ class Environment:
         """Decide whether the episode ends here, and why."""
         observation = self._observation
         self._beacons, self._waypoints = observation.beacon_nodes(), observation.waypoint_nodes()
-        if self.task.complete(self.coverage, self.pose):
+        if self.goal.complete(self.coverage, self.pose):
             self.end, self.reason = End.TERMINAL, "complete"
         elif self._on_lattice and self.mapper.stuck:
             self.end, self.reason = End.TERMINAL, "stuck"
@@ -366,7 +365,7 @@ class Environment:
                 continue
             reached = self._take(self._simulator.drive_to(place))
             self._sense()
-            if not reached or self.task.complete(self.coverage, self.pose):
+            if not reached or self.goal.complete(self.coverage, self.pose):
                 break
             if place != way[-1]:
                 self.corners.append(len(self.positions) - 1)

@@ -71,7 +71,7 @@ def run_episode(
             recorder.add(observation, choice, judgement, step)
         observation = step.observation
     return EpisodeReport(
-        task=environment.task.name,
+        task=environment.goal.task.name,
         map_name=world.name,
         simulator=role.simulator,
         role=role.name,

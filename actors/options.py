@@ -8,7 +8,9 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from common.config.names import config_from_message
 from common.config.schema import BusConfig, RunConfig
+from common.extensions import generator_name
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 
@@ -21,9 +23,10 @@ class ActorOptions(BaseModel):
         run: name of the run.
         bus: endpoints to connect to, and TLS files.
         evaluate: run the validation worlds greedily instead of training.
-        simulator: `pybullet` or `grid`.
+        simulator: name of a simulator, or MODULE:CLASS.
         fidelity: `kinematic` or `dynamic`.
         maps: sources of worlds.
+        allow: each MODULE:CLASS that the run's configuration may name.
         gui: open PyBullet's window.
         log_level: of this process.
         parent: process number of the supervisor; the actor ends when that does. 0 for none.
@@ -35,9 +38,10 @@ class ActorOptions(BaseModel):
     run: str
     bus: BusConfig
     evaluate: bool = False
-    simulator: Literal["pybullet", "grid"] | None = None
+    simulator: str | None = None
     fidelity: Literal["kinematic", "dynamic"] | None = None
     maps: tuple[str, ...] = ()
+    allow: tuple[str, ...] = ()
     gui: bool = False
     log_level: str | None = None
     parent: int = 0
@@ -46,6 +50,19 @@ class ActorOptions(BaseModel):
     def role(self) -> Literal["actor", "evaluator"]:
         """Role on the bus."""
         return "evaluator" if self.evaluate else "actor"
+
+    def accept(self, text: str) -> RunConfig:
+        """Return the configuration that a learner sent as JSON, with this actor's own choices put in.
+
+        Raises:
+            MessageError: it is none that this version knows.
+            ConfigError: it names a module that this actor's command line does not.
+        """
+        return config_from_message(text, self._named_here(), "start it with --allow MODULE:CLASS", self.apply)
+
+    def _named_here(self) -> set[str]:
+        generators = (generator_name(source) for source in self.maps)
+        return {name for name in (self.simulator, *generators, *self.allow) if name is not None}
 
     def apply(self, config: RunConfig) -> RunConfig:
         """Return a run's configuration with this actor's own choices put in."""

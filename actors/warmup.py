@@ -21,7 +21,7 @@ from actors.maps.generators import warm_up as warm_up_generators
 from actors.process import follow_parent
 from actors.recorder import Recorder
 from actors.simulators.factory import make_simulator
-from actors.tasks import make_task
+from actors.tasks import make_goal
 from common.config.schema import MappingConfig, NetworkConfig, RewardConfig, SimulatorConfig, TaskConfig
 from common.jit import forget_old_caches
 from common.mapping.warmup import warm_up as warm_up_mapping
@@ -29,6 +29,7 @@ from common.messages.experience import Chunk, Delivery
 from common.messages.schema import encode
 from common.planners.reference import ReferenceRoute
 from common.policy import Policy
+from common.tasks import BOTH
 
 
 def warm_up(network: NetworkConfig) -> None:
@@ -50,12 +51,12 @@ def warm_up(network: NetworkConfig) -> None:
     world = make_generator("rooms", {"width": "320", "height": "240"}).world(0, 0.25)
     policy = Policy.from_config(network)
     recorder = Recorder(4, _encode)
-    for name in ("exploration", "navigation"):
-        task = TaskConfig.model_validate({"name": name})
+    for kind in BOTH:
+        task = TaskConfig(name=kind.name)
         reward = RewardConfig(kind="potential")
         reference = ReferenceRoute(mapping) if network.features == "guided" else None
         expert = make_expert(task, mapping)
-        environment = Environment(simulator, mapping, make_task(task), reward, 4, expert, reference)
+        environment = Environment(simulator, mapping, make_goal(task), reward, 4, expert, reference)
         for driver in (PolicyDriver(policy, rng), ExpertDriver()):
             run_episode(environment, world, driver, role, seed=0, recorder=recorder, label=True)
     simulator.close()

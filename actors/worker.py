@@ -19,8 +19,7 @@ from common.bus.session import open_client_session
 from common.bus.spec import fetch_spec
 from common.bus.stats import publish_stats
 from common.bus.weights import WeightsPuller
-from common.config.schema import RunConfig
-from common.errors import BusError, MessageError
+from common.errors import BusError
 from common.messages.experience import Chunk, EpisodeReport
 from common.messages.replies import Spec
 from common.messages.stats import ActorStats
@@ -92,12 +91,7 @@ class Worker:
     def _act(self, session: zenoh.Session, spec: Spec) -> Spec | None:
         """Act by one specification; return the next when the configuration changed, None when told to stop."""
         options = self._options
-        try:
-            config = options.apply(RunConfig.model_validate_json(spec.config))
-        except ValueError as error:
-            raise MessageError(
-                "spec.config", f"is not a configuration that this version of the software knows: {error}"
-            ) from None
+        config = options.accept(spec.config)
         with (
             ExperienceSender(
                 session,

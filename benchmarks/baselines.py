@@ -16,7 +16,7 @@ from actors.episode import Role, run_episode
 from actors.expert import make_expert
 from actors.maps.sources import fixed_set, open_sources
 from actors.simulators.factory import make_simulator
-from actors.tasks import make_task
+from actors.tasks import make_goal
 from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
 
 
@@ -27,7 +27,7 @@ def run(
     mapping, goal = MappingConfig(), TaskConfig.model_validate({"name": task})
     simulator = make_simulator(SimulatorConfig(name="grid"), mapping.sensor_range)
     expert = make_expert(goal, mapping)
-    environment = Environment(simulator, mapping, make_task(goal), RewardConfig(), goal.max_steps, expert)
+    environment = Environment(simulator, mapping, make_goal(goal), RewardConfig(), goal.max_steps, expert)
     worlds = fixed_set(open_sources([maps], 0.25, goal.name), count)
     drivers: dict[str, Driver] = {"random": RandomDriver(np.random.default_rng(0)), "expert": ExpertDriver()}
     figures = {}

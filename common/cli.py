@@ -1,16 +1,18 @@
-"""What all commands share: one clear line on error, a non-zero exit code, Ctrl-C without a traceback."""
+"""What all commands share: errors as one clear line, Ctrl-C without a traceback, the version, completion of names."""
 
 from __future__ import annotations
 
 import functools
 import sys
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar
+from importlib.metadata import PackageNotFoundError, version
+from typing import Annotated, ParamSpec, TypeVar
 
 import typer
 from rich.console import Console
 
 from common.errors import HDError
+from common.registry import Registry
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -36,6 +38,43 @@ def command_errors(function: Callable[P, R]) -> Callable[P, R]:
             raise typer.Exit(EXIT_INTERRUPTED) from None
 
     return wrapped
+
+
+def version_text() -> str:
+    """Return what ``--version`` prints."""
+    try:
+        return f"hdplanner {version('hdplanner')}"
+    except PackageNotFoundError:
+        return "hdplanner, run from a checkout that is not installed"
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(version_text())
+        raise typer.Exit
+
+
+Version = Annotated[
+    bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+]
+"""The option of commands without subcommands; `add_version` gives it to the others."""
+
+
+def add_version(app: typer.Typer) -> None:
+    """Give a command with subcommands the option ``--version``."""
+
+    @app.callback()
+    def main(version: Version = False) -> None:
+        del version
+
+
+def completing(registry: Registry) -> Callable[[str], list[str]]:
+    """Return a completion of names for an option of the command line."""
+
+    def complete(incomplete: str) -> list[str]:
+        return [name for name in registry.names() if name.startswith(incomplete)]
+
+    return complete
 
 
 def _plain(text: str) -> str:

@@ -22,8 +22,10 @@ from safetensors.numpy import save as save_tensors
 from common import onnx_file
 from common.config.schema import MappingConfig, NetworkConfig
 from common.errors import CheckpointError
+from common.extensions import GENERATOR_PREFIX
 from common.network.onnx_network import OnnxNetwork
 from common.policy import Policy
+from common.tasks import BOTH
 
 FORMAT = 1
 SUFFIX = ".safetensors"
@@ -74,7 +76,7 @@ class PolicyCard:
     @property
     def tasks(self) -> frozenset[str]:
         """The tasks that it was trained for."""
-        return frozenset(("exploration", "navigation") if self.task == "both" else (self.task,))
+        return frozenset(task.name for task in BOTH) if self.task == "both" else frozenset({self.task})
 
 
 def card_from(values: Mapping[str, Any]) -> PolicyCard:
@@ -97,7 +99,7 @@ def card_path(path: Path) -> Path:
 
 def portable_sources(specs: Iterable[str]) -> tuple[str, ...]:
     """Return map sources as a card tells them: of a folder's path only the last two parts, generators in full."""
-    return tuple(spec if spec.startswith("generator:") else "/".join(Path(spec).parts[-2:]) for spec in specs)
+    return tuple(spec if spec.startswith(GENERATOR_PREFIX) else "/".join(Path(spec).parts[-2:]) for spec in specs)
 
 
 def write_policy(path: Path, arrays: dict[str, NDArray[Any]], card: PolicyCard) -> None:

@@ -16,10 +16,11 @@ from rich.table import Table
 
 from common.bus.control import request
 from common.bus.fleet import Answers, bridges_at, command_all
-from common.cli import command_errors
+from common.cli import add_version, command_errors
 from common.config.describe import to_markdown, to_toml
 from common.errors import BusError
 from common.logs import setup_logging
+from common.tasks import NAVIGATION, find_task
 from deploy.bridge.words import CommandError, parse, release_of
 from deploy.config import DeployConfig
 from deploy.profiles import DEPLOY, load_deploy_config
@@ -60,6 +61,7 @@ LogLevel = Annotated[str | None, typer.Option("--log-level", help="debug, info, 
 app.command(epilog=ROBOT_EXAMPLES)(robot)
 app.command(epilog=DEMO_EXAMPLES)(demo)
 app.add_typer(recording_app)
+add_version(app)
 
 
 @app.command()
@@ -69,7 +71,8 @@ def bridge(
     config: ConfigFile = None,
     overrides: Overrides = None,
     planner: Annotated[
-        str | None, typer.Option("--planner", help="Planner, see `hd-eval planners`. [default: hdplanner]")
+        str | None,
+        typer.Option("--planner", help="Planner, see `hd-eval planners`, or MODULE:CLASS. [default: hdplanner]"),
     ] = None,
     policy: Annotated[
         Path | None, typer.Option("--policy", help="A trained policy (.safetensors or .onnx); means hdplanner.")
@@ -104,12 +107,14 @@ def bridge(
     if planner is not None or policy is not None:
         extra.append(f"decision.planner={planner or 'hdplanner'}")
     if goal is not None:
-        extra += ["decision.task=navigation", f"decision.goal={goal}"]
+        extra.append(f"decision.goal={goal}")
     if autostart:
         extra.append("decision.autostart=true")
     if listen:
         extra += [f"ros.listen={','.join(listen)}", "ros.connect="]
     resolved = _load(profile, config, overrides, connect, name, extra)
+    if goal is not None and not find_task(resolved.decision.task).needs_target:
+        resolved = _load(profile, config, overrides, connect, name, [*extra, f"decision.task={NAVIGATION.name}"])
     from deploy.bridge.process import run_bridge
 
     run_bridge(resolved)

@@ -93,10 +93,10 @@ class SensingConfig(Section):
 class DecisionConfig(Section):
     """What is decided, by whom and how often."""
 
-    task: Literal["exploration", "navigation"] = "exploration"
-    """What the robot must do."""
+    task: str = "exploration"
+    """What the robot must do: `exploration`, `navigation`, one that an installed package adds, or MODULE:NAME."""
     planner: str = "hdplanner"
-    """Name of the planner (`hd-eval planners`); `hdplanner` is a trained policy."""
+    """Name of the planner (`hd-eval planners`), or MODULE:CLASS of one's own; `hdplanner` is a trained policy."""
     policy: str | None = None
     """Weights of `hdplanner`: a .safetensors file with its card, or an .onnx file, as `hd-learner export` writes them;
     the shipped ones when not given."""
@@ -107,8 +107,8 @@ class DecisionConfig(Section):
     live_tls: tuple[str, str, str] | None = None
     """Files for that learner's TLS, as `hd-learner certificates` makes them: authority, certificate, key."""
     fallback: str | None = None
-    """Classical planner that takes over when the planner fails, loops or makes no progress; `nearest` for exploration
-    and `astar` for navigation when not given."""
+    """Planner that takes over when the other fails, loops or makes no progress; that of the task when not given:
+    `nearest` for exploration, `astar` for navigation."""
     relief: Positive = 30.0
     """How long the fallback decides then, seconds."""
     rate: Positive = 2.0

@@ -13,11 +13,12 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from common.cli import command_errors
+from common.cli import add_version, command_errors, completing
 from common.config.describe import to_markdown, to_toml
 from common.config.load import load_config, preset_names
 from common.config.schema import RunConfig
 from common.errors import ConfigError
+from common.extensions import SIMULATORS
 from common.logs import PLAIN_FORMAT, setup_logging
 from common.runtime import restart_prepared
 from learner.remote_cli import add_remote_commands
@@ -58,7 +59,12 @@ Listen = Annotated[
 ]
 Simulator = Annotated[
     str | None,
-    typer.Option("--sim", help="Simulator of actors: pybullet or grid (simulator.name).", metavar="NAME"),
+    typer.Option(
+        "--sim",
+        help="Simulator of actors: pybullet, grid, one that a package adds, or MODULE:CLASS (simulator.name).",
+        metavar="NAME",
+        autocompletion=completing(SIMULATORS),
+    ),
 ]
 Actors = Annotated[int, typer.Option("--actors", min=0, help="Actors to start on this machine.", metavar="N")]
 Evaluators = Annotated[
@@ -312,6 +318,7 @@ def _log_file(path: Path) -> Iterator[None]:
         handler.close()
 
 
+add_version(app)
 add_remote_commands(app)
 
 

@@ -21,6 +21,7 @@ from common.bus.spec import SpecServer
 from common.bus.stats import StatsTable, publish_stats
 from common.bus.weights import WeightsPublisher
 from common.closing import Closing
+from common.config.names import module_names
 from common.messages.replies import Spec
 from common.messages.weights import Weights
 from common.runtime import cores_left, limit_threads
@@ -164,10 +165,13 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
 def _local_actors(run: RunFolder, companions: Companions) -> list[LocalActors]:
     bus, name = run.config.bus, run.config.name
     started = []
+    # The configuration is this machine's own, so its actors may load what it names.
+    allowed = [word for module in module_names(run.config) for word in ("--allow", module)]
+    options = [*companions.options, *allowed]
     if companions.actors:
-        started.append(LocalActors(bus, name, companions.actors, "local", companions.options))
+        started.append(LocalActors(bus, name, companions.actors, "local", options))
     if companions.evaluators:
-        options = ["--evaluate", *companions.options]
+        options = ["--evaluate", *options]
         started.append(LocalActors(bus, name, companions.evaluators, "local", options))
     return started
 

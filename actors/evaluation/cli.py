@@ -12,11 +12,13 @@ from rich.console import Console
 from rich.markup import escape
 
 from actors.evaluation.large.cli import app as large_app
-from actors.evaluation.options import ConfigFile, Limit, Maps, Overrides, Start, Target, TaskChoice, resolve
+from actors.evaluation.options import ConfigFile, Limit, Maps, Overrides, Start, Target, TaskName, resolve
 from actors.evaluation.progress import planner_list, run_and_show
 from actors.evaluation.results_cli import app as results_app
-from common.cli import EXIT_ERROR, command_errors
+from common.cli import EXIT_ERROR, add_version, command_errors, completing
+from common.extensions import SIMULATORS
 from common.logs import setup_logging
+from common.tasks import EXPLORATION
 
 app = typer.Typer(
     name="hd-eval",
@@ -26,13 +28,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-
-class SimulatorChoice(StrEnum):
-    """Simulators to choose from."""
-
-    GRID = "grid"
-    PYBULLET = "pybullet"
 
 
 class FidelityChoice(StrEnum):
@@ -55,8 +50,16 @@ def run(
     ],
     maps: Maps,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results; made when missing.")],
-    task: Annotated[TaskChoice, typer.Option("--task", help="What is to be done.")] = TaskChoice.EXPLORATION,
-    sim: Annotated[SimulatorChoice, typer.Option("--sim", help="Simulator.")] = SimulatorChoice.GRID,
+    task: TaskName = EXPLORATION.name,
+    sim: Annotated[
+        str,
+        typer.Option(
+            "--sim",
+            metavar="NAME",
+            help="Simulator: grid, pybullet, one that a package adds, or MODULE:CLASS.",
+            autocompletion=completing(SIMULATORS),
+        ),
+    ] = "grid",
     fidelity: Annotated[FidelityChoice | None, typer.Option("--fidelity", help="Fidelity of PyBullet.")] = None,
     policy: Annotated[
         Path | None, typer.Option("--policy", metavar="FILE", help="Policy of `hdplanner`; else the shipped one.")
@@ -101,8 +104,8 @@ def run(
         overrides,
         start=start,
         target=target,
-        task=task.value,
-        simulator=sim.value,
+        task=task,
+        simulator=sim,
         fidelity=None if fidelity is None else fidelity.value,
         seed=seed,
         time_limit=time_limit,
@@ -131,6 +134,7 @@ def planners() -> None:
         sys.stdout.write(f"{name:18} {summary}\n")
 
 
+add_version(app)
 app.add_typer(results_app)
 app.add_typer(large_app)
 

@@ -26,6 +26,16 @@ COUNTS = ("rule_applied", "guarded")
 class Decider(Protocol):
     """What drives an episode: a planner, or the omniscient reference."""
 
+    @property
+    def name(self) -> str:
+        """Its name."""
+        ...
+
+    @property
+    def tasks(self) -> frozenset[TaskName]:
+        """Names of the tasks that it can do."""
+        ...
+
     def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
         """Begin an episode."""
         ...
@@ -149,8 +159,8 @@ def run_episode(
     environment.reset(world, seed, on_lattice=False)
     places = [Place.of(environment)]
     tell("start", places[-1])
-    task: TaskName = "navigation" if environment.task.target is not None else "exploration"
-    planner.reset(task, environment.task.target, seed)
+    goal = environment.goal
+    planner.reset(goal.task.asked_of(planner.name, planner.tasks), goal.target, seed)
     times: list[float] = []
     reason = ""
     while environment.end is End.NONE:
@@ -172,7 +182,7 @@ def run_episode(
         places.append(Place.of(environment))
         tell("moved", places[-1])
     notes = {name: count for name in COUNTS if (count := getattr(planner, name, None)) is not None}
-    unseen = environment.coverage.unseen_area if task == "exploration" and not environment.success else 0.0
+    unseen = environment.coverage.unseen_area if not goal.task.needs_target and not environment.success else 0.0
     return Outcome(
         waypoints=[_rounded(world, position) for position in environment.positions],
         distance=environment.distance,

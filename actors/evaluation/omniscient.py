@@ -15,7 +15,7 @@ from actors.evaluation.retrace import Moment, follow
 from actors.evaluation.route_graph import RouteGraph
 from actors.expert.visibility import fill_words, look_from_all
 from actors.maps.grid_map import GridMap
-from actors.tasks import make_task
+from actors.tasks import make_goal
 from actors.tasks.coverage import Coverage
 from common.config.schema import MappingConfig, SimulatorConfig, TaskConfig
 from common.errors import MapError
@@ -104,7 +104,7 @@ class OmniscientReference:
             MapError: the robot does not fit at the start, or no way leads to the target.
         """
         graph = RouteGraph.build(world, self._mapping)
-        find = self._shortest_path if self._task.name == "navigation" else self._covering_tour
+        find = self._shortest_path if self._task.kind.needs_target else self._covering_tour
         self._route = find(world, graph, seed)
 
     def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
@@ -124,14 +124,14 @@ class OmniscientReference:
     def _shortest_path(self, world: GridMap, graph: RouteGraph, seed: int) -> list[Leg]:
         """Return the shortest way over viewpoints to where the robot has arrived."""
         del seed
-        task = make_task(self._task)
-        task.reset(world)
+        goal = make_goal(self._task)
+        goal.reset(world)
         target = world.target
         coverage = Coverage(world, self._mapping.robot_radius)
         assert target is not None
-        if task.complete(coverage, Pose(*world.start)):
+        if goal.complete(coverage, Pose(*world.start)):
             return []
-        arrived = [v for v in range(len(graph)) if task.complete(coverage, Pose(*graph.position(v)))]
+        arrived = [v for v in range(len(graph)) if goal.complete(coverage, Pose(*graph.position(v)))]
         links, lengths = graph.graph.target_links()
         last_leg = np.full(len(graph), np.inf)
         last_leg[links] = lengths

@@ -16,6 +16,9 @@ from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.suited import suited_config
 from actors.evaluation.worlds import WorldSet
 from actors.maps.spec import with_places
+from common.cli import completing
+from common.errors import ConfigError
+from common.tasks import TASKS
 
 Maps = Annotated[
     list[str],
@@ -46,16 +49,18 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="SECTION.FIELD=VALUE", help="Change one setting, such as task.max_steps=256."),
 ]
+TaskName = Annotated[
+    str,
+    typer.Option(
+        "--task",
+        metavar="NAME",
+        help="What is to be done: exploration, navigation, one that a package adds, or MODULE:NAME.",
+        autocompletion=completing(TASKS),
+    ),
+]
 ResultsPaths = Annotated[
     list[Path], typer.Argument(metavar="RESULTS...", help="Results files, or folders that hold them.")
 ]
-
-
-class TaskChoice(StrEnum):
-    """Tasks to choose from."""
-
-    EXPLORATION = "exploration"
-    NAVIGATION = "navigation"
 
 
 class TableFormat(StrEnum):
@@ -84,8 +89,8 @@ def resolve(
     policy: Path | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> EvaluationSettings:
-    """Return the settings of an evaluation: those that suit the maps, configuration file, environment, ``--set``, then
-    the command's own; the later one wins.
+    """Return the settings of an evaluation: those that suit the maps, configuration file, environment, simulator and
+    task, ``--set``, then the command's other options; the later one wins.
 
     Args:
         maps: sources of worlds.
@@ -108,9 +113,10 @@ def resolve(
         MapError: a source cannot be used.
     """
     specs = with_places(list(maps), start, target)
-    own = [f"simulator.name={simulator}", *(overrides or [])]
+    own = [f"simulator.name={simulator}"]
     if task is not None:
         own.append(f"task.name={task}")
+    own += overrides or []
     if fidelity is not None:
         own.append(f"simulator.fidelity={fidelity}")
     if metres_per_pixel is not None:
@@ -157,6 +163,8 @@ def settings_of(
         task=results.task,
         metres_per_pixel=results.metres_per_pixel,
     )
+    if settings.task.kind.name != results.task:
+        raise ConfigError(f"the results are of {results.task}, task.name says {settings.task.name}: leave it out")
     return settings, WorldSet.open(settings.maps, results.task, results.metres_per_pixel, limit)
 
 

@@ -18,6 +18,7 @@ from actors.evaluation.statistics import distance_ratio, find
 from actors.maps.grid_map import GridMap
 from common.errors import ConfigError
 from common.mapping.belief import Belief
+from common.tasks import find_task
 
 # Unknown, free and occupied cells of a belief, and true walls that the robot has not seen.
 UNKNOWN, FREE, OCCUPIED, UNSEEN_WALL = (173, 178, 186), (244, 244, 240), (52, 56, 64), (150, 155, 164)
@@ -52,7 +53,7 @@ def trace(results: Results, map_name: str, world: GridMap, settings: EvaluationS
     mapping = settings.mapping.model_copy(update={"sensor_range": results.sensor_range_m})
     distance, explored = [], []
     for moment in retrace(
-        world, episode.waypoints, mapping, settings.simulator, navigation=results.task == "navigation"
+        world, episode.waypoints, mapping, settings.simulator, navigation=find_task(results.task).needs_target
     ):
         distance.append(moment.distance)
         explored.append(moment.coverage.explored)
@@ -99,7 +100,7 @@ def plot_trajectories(
         points.set_label("waypoints, dark to bright")
         ax.scatter(*shown.beacons.T, marker="^", s=26, color="#b3261e", zorder=4, label="beacons")
         ax.scatter(*route[0], marker="o", s=40, facecolor="none", edgecolor="black", zorder=5, label="start")
-        if results.task == "navigation" and world.target is not None:
+        if find_task(results.task).needs_target and world.target is not None:
             ax.scatter(*to_pixels(world, world.target), marker="*", s=70, color="#b3261e", zorder=5, label="target")
         state = "" if episode.success else ", failed"
         ax.set_title(f"{results.planner}: {episode.distance_m:.0f} m, {episode.steps} steps{state}", fontsize=9)

@@ -9,9 +9,10 @@ from actors.evaluation.results import EpisodeResult, Results
 from actors.evaluation.retrace import Moment, retrace
 from actors.evaluation.settings import EvaluationSettings
 from actors.maps.grid_map import GridMap
-from actors.tasks import make_task
+from actors.tasks import make_goal
 from common.errors import SimulatorError
 from common.mapping.viewpoints import LONGEST_EDGE
+from common.tasks import find_task
 
 # Recorded waypoints are rounded; so much may differ without being a disagreement.
 METRES = 0.01
@@ -50,8 +51,8 @@ def recount(results: Results, episode: EpisodeResult, world: GridMap, settings: 
         settings: task and mapping; scale and sensor range are the file's.
     """
     problems: list[str] = []
-    task = make_task(settings.task)
-    task.reset(world)
+    goal = make_goal(settings.task)
+    goal.reset(world)
     start = to_metres(world, episode.waypoints[0])
     if abs(start[0] - world.start[0]) + abs(start[1] - world.start[1]) > PIXELS * world.resolution + METRES:
         problems.append(f"the first waypoint {episode.waypoints[0]} is not the map's start")
@@ -66,7 +67,7 @@ def recount(results: Results, episode: EpisodeResult, world: GridMap, settings: 
             mapping,
             settings.simulator,
             seed=0,
-            navigation=results.task == "navigation",
+            navigation=find_task(results.task).needs_target,
         )
         for moment in moments:
             before = 0.0 if last is None else last.distance
@@ -77,7 +78,7 @@ def recount(results: Results, episode: EpisodeResult, world: GridMap, settings: 
                 problems.append(f"step {moment.number} leads through occupied space")
             elif not moment.known:
                 problems.append(f"step {moment.number} leads through space that was not known to be free")
-            if complete_at < 0 and task.complete(moment.coverage, moment.pose):
+            if complete_at < 0 and goal.complete(moment.coverage, moment.pose):
                 complete_at = moment.number
             last = moment
     except SimulatorError as error:

@@ -10,6 +10,7 @@ from typing import Annotated, Literal, Protocol, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from common.errors import HDError
+from common.ids import ID_PATTERN
 
 # Coordinates and distances are rounded to so many places: far below a cell, and files stay small.
 PLACES = 4
@@ -17,6 +18,8 @@ PLACES = 4
 Distance = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Coordinate = Annotated[float, Field(allow_inf_nan=False)]
 Name = Annotated[str, Field(min_length=1, max_length=1000)]
+# Never MODULE:CLASS: a results file of others must not name code.
+TaskId = Annotated[str, Field(pattern=rf"^{ID_PATTERN.pattern}$")]
 
 
 class ResultsError(HDError):
@@ -70,7 +73,7 @@ class Results(Record):
     """What one planner did on a set of maps.
 
     Attributes:
-        task: `exploration` or `navigation`.
+        task: name of the task, such as `exploration`.
         metres_per_pixel: scale of the maps.
         sensor_range_m: range of the sensor, metres.
         units: of the waypoints.
@@ -80,7 +83,7 @@ class Results(Record):
         episodes: one per map.
     """
 
-    task: Literal["exploration", "navigation"]
+    task: TaskId
     metres_per_pixel: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
     sensor_range_m: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
     units: Literal["px"] = "px"

@@ -117,7 +117,7 @@ class Evaluation(Closing):
     def limit_warning(self) -> str:
         """Return a sentence where the step limit is too small for what there is to explore; else an empty one."""
         settings = self._settings
-        if settings.task.name != "exploration":
+        if settings.task.kind.needs_target:
             return ""
         numbers = self._worlds.numbers
         chosen = [numbers[i * len(numbers) // _LOOKED_AT] for i in range(_LOOKED_AT)] if numbers else []
@@ -211,7 +211,7 @@ class Evaluation(Closing):
         """Write the results file of a planner, from its outcomes with the names of their worlds."""
         settings = self._settings
         results = Results(
-            task=settings.task.name,
+            task=settings.task.kind.name,
             metres_per_pixel=self._worlds.metres_per_pixel,
             sensor_range_m=settings.mapping.sensor_range,
             planner=planner,

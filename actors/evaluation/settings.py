@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-import sys
+from collections.abc import Iterator
 from hashlib import sha256
-from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from actors.evaluation.episode import Decider
 from actors.evaluation.omniscient import NAME as OMNISCIENT
 from actors.evaluation.omniscient import OmniscientReference
+from common.config.names import generators_of
 from common.config.schema import MappingConfig, SimulatorConfig, TaskConfig
-from common.errors import CheckpointError, ConfigError, HDError
+from common.errors import CheckpointError, ConfigError
+from common.extensions import SIMULATORS
 from common.planners.base import Planner
-from common.planners.registry import make_planner, planner_names, planner_summary
+from common.planners.registry import PLANNERS, make_planner, planner_names
+from common.registry import NamedPart
 from common.shipped import shipped_policy
+from common.tasks import TASKS
 
 # Planners that take a file with weights.
 LEARNED = ("hdplanner", "hdplanner-bare")
@@ -60,7 +64,7 @@ class EvaluationSettings(BaseModel):
         return {**values, "policy": self._policy_digest() if planner in LEARNED else None}
 
     def _policy_digest(self) -> str:
-        path = shipped_policy(self.task.name) if self.policy is None else Path(self.policy)
+        path = shipped_policy(self.task.kind.plan_as) if self.policy is None else Path(self.policy)
         try:
             return f"sha256:{sha256(path.read_bytes()).hexdigest()[:16]}"
         except OSError as error:
@@ -79,42 +83,27 @@ class EvaluationSettings(BaseModel):
         """
         if planner == OMNISCIENT:
             return OmniscientReference(self.mapping, self.task, self.simulator)
-        if ":" in planner:
-            made = _make_own(planner, self.mapping)
-        else:
-            settings = {"policy": self.policy} if planner in LEARNED else {}
-            made = make_planner(planner, self.mapping, **settings)
-        if self.task.name not in made.tasks:
-            raise ConfigError(
-                f"planner {planner!r} does {' and '.join(sorted(made.tasks))}, not {self.task.name}; "
-                f"planners for it are: {', '.join([*planner_names(self.task.name), OMNISCIENT])}"
-            )
+        settings = {"policy": self.policy} if planner in LEARNED else {}
+        made = make_planner(planner, self.mapping, **settings)
+        try:
+            self.asked_of(made)
+        except ConfigError as error:
+            names = planner_names(self.task.kind.name, self.task.kind.plan_as)
+            raise ConfigError(f"{error}; planners for it are: {', '.join([*names, OMNISCIENT])}") from None
         return made
+
+    def asked_of(self, planner: Decider) -> str:
+        """Return the name of the task that a planner is asked for; ConfigError when it does not do it."""
+        return self.task.kind.asked_of(planner.name, planner.tasks)
+
+    def named_parts(self) -> Iterator[NamedPart]:
+        """Yield every simulator, task and generator that the settings name."""
+        yield NamedPart("simulator.name", SIMULATORS, self.simulator.name)
+        yield NamedPart("task.name", TASKS, self.task.name)
+        yield from generators_of("maps", self.maps)
 
 
 def names_with_summaries() -> dict[str, str]:
     """Return the names of all planners and of the reference, each with a line about it."""
-    names = {name: planner_summary(name) for name in planner_names()}
+    names = {name: PLANNERS.summary(name) for name in planner_names()}
     return {**names, OMNISCIENT: "reference, no planner: near-shortest route on the known map"}
-
-
-def _make_own(name: str, mapping: MappingConfig) -> Planner:
-    """Make a planner that lives outside this package, from MODULE:CLASS; modules of the current folder are found."""
-    module, _, factory = name.partition(":")
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.insert(0, here)
-    try:
-        made = getattr(import_module(module), factory)(mapping)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise ConfigError(f"cannot load planner {name!r} ({error}): write it as MODULE:CLASS") from error
-    except HDError:
-        raise
-    except Exception as error:
-        raise ConfigError(
-            f"cannot make planner {name!r} ({type(error).__name__}: {error}): its class is called with a MappingConfig"
-        ) from error
-    missing = [attribute for attribute in ("name", "tasks", "reset", "plan") if not hasattr(made, attribute)]
-    if missing:
-        raise ConfigError(f"{name!r} is no planner, it has no {', '.join(missing)}: see common.planners.base.Planner")
-    return cast(Planner, made)

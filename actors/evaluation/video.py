@@ -17,6 +17,7 @@ from actors.evaluation.retrace import Moment, retrace
 from actors.evaluation.settings import EvaluationSettings
 from actors.maps.grid_map import GridMap
 from common.errors import ConfigError
+from common.tasks import find_task
 
 SUFFIXES = (".gif", ".mp4")
 # Pictures of the robot on its way between two waypoints, the arrival included.
@@ -85,7 +86,7 @@ def _frames(
     results: Results, episode: EpisodeResult, world: GridMap, settings: EvaluationSettings, width: int
 ) -> Iterator[Image.Image]:
     mapping = settings.mapping.model_copy(update={"sensor_range": results.sensor_range_m})
-    navigation = results.task == "navigation"
+    navigation = find_task(results.task).needs_target
     moments = retrace(world, episode.waypoints, mapping, settings.simulator, navigation=navigation)
     stage: _Stage | None = None
     picture: Image.Image | None = None

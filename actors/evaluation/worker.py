@@ -29,7 +29,7 @@ from actors.maps.layout import BLOCK
 from actors.process import follow_parent
 from actors.simulators.base import Simulator
 from actors.simulators.factory import make_simulator
-from actors.tasks import make_task
+from actors.tasks import make_goal
 from common.config.schema import RewardConfig
 from common.errors import HDError
 from common.logs import setup_logging
@@ -104,8 +104,8 @@ class Worker:
         settings = self._settings
         environment = Environment(
             self._simulator,
-            mapping_for(planner, settings.task.name, settings.mapping),
-            make_task(settings.task),
+            mapping_for(planner, settings.asked_of(planner), settings.mapping),
+            make_goal(settings.task),
             RewardConfig(),
             settings.task.max_steps if steps is None else steps,
         )

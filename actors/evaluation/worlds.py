@@ -9,7 +9,7 @@ from pathlib import Path
 
 from actors.maps.files import MapFile
 from actors.maps.grid_map import GridMap
-from actors.maps.sources import FileSource, MapSource, MixedSource, Task, fixed_numbers, open_sources
+from actors.maps.sources import FileSource, MapSource, MixedSource, fixed_numbers, open_sources
 from common.errors import MapError
 
 # How many worlds an evaluation takes from a source without an end, a generator, when no limit is given.
@@ -50,12 +50,12 @@ class WorldSet:
             self._root = Path(os.path.commonpath([path.parent for path in paths]))
 
     @classmethod
-    def open(cls, specs: Sequence[str], task: Task, metres_per_pixel: float | None, limit: int | None) -> WorldSet:
+    def open(cls, specs: Sequence[str], task: str, metres_per_pixel: float | None, limit: int | None) -> WorldSet:
         """Open sources as `actors.maps.sources` describes them, and try the first world of each.
 
         Args:
             specs: folders of maps, map files, or `generator:NAME[?key=value&...]`.
-            task: navigation needs maps with a target.
+            task: its name; one with a target needs maps that have one.
             metres_per_pixel: scale of images and generated worlds; None for that of their set.
             limit: number of worlds, spread evenly over a folder; None for all of a folder, or 100 of a generator.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 from actors.expert.base import Expert, Judgement
 from actors.expert.exploration import ExplorationExpert
 from actors.expert.navigation import NavigationExpert
@@ -11,7 +13,5 @@ __all__ = ["Expert", "ExplorationExpert", "Judgement", "NavigationExpert", "make
 
 
 def make_expert(task: TaskConfig, mapping: MappingConfig) -> Expert:
-    """Return the expert of a task."""
-    if task.name == "navigation":
-        return NavigationExpert(mapping)
-    return ExplorationExpert(mapping, task.unseen_area)
+    """Return the expert of a task; ConfigError when it has none."""
+    return cast(Expert, task.kind.part("expert")(task, mapping))

@@ -10,7 +10,7 @@ from actors.expert.true_graph import TrueGraph
 from actors.expert.visibility import fill_words, look_from_all
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
-from common.config.schema import MappingConfig
+from common.config.schema import MappingConfig, TaskConfig
 from common.errors import HDError
 from common.geometry import Pose
 from common.observation import Observation
@@ -152,3 +152,8 @@ class ExplorationExpert:
             return -1
         first = choice if choice in stops or len(order) == 0 else int(order[0])
         return int(known[np.argmin(self._distances[first, true_nodes[known]])])
+
+
+def make_expert(task: TaskConfig, mapping: MappingConfig) -> ExplorationExpert:
+    """Return the expert that `common.tasks.EXPLORATION` names."""
+    return ExplorationExpert(mapping, task.unseen_area)

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from actors.maps.generators import GENERATORS
+from actors.maps.generators import find_generator
 from actors.maps.pictures import contact_sheet, distributions
 from actors.maps.png import write_png
 from actors.maps.sources import fixed_set, open_sources
-from actors.maps.spec import GENERATOR_PREFIX
 from actors.maps.statistics import MEASURES, distance, measure_all
 from common.cli import command_errors
 from common.errors import MapError
+from common.extensions import GENERATOR_PREFIX, GENERATORS
 
 app = typer.Typer(help="Look at maps: compare two sets, show them, write generated ones as PNG.", no_args_is_help=True)
 
@@ -73,7 +73,8 @@ def compare(
 def generators() -> None:
     """List the generators and their parameters as Markdown."""
     lines = []
-    for name, kind in GENERATORS.items():
+    for name in GENERATORS.names():
+        kind = find_generator(name)
         lines += [f"### `{name}`", "", inspect.cleandoc(kind.__doc__ or ""), "", "| parameter | default | meaning |"]
         lines += ["| --- | --- | --- |"]
         for parameter, field in kind.model_fields.items():

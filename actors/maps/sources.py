@@ -7,7 +7,7 @@ A specification is one of
   every machine splits alike and a file keeps its side when others come or go;
 - ``FILE`` or ``FILE?start=X,Y&target=X,Y``: one image or ROS map;
 - ``PRESET:FOLDER`` or ``PRESET:FILE``: the same with settings that suit it, see `actors.maps.recommended`;
-- ``generator:NAME`` or ``generator:NAME?key=value&key=value``.
+- ``generator:NAME`` or ``generator:NAME?key=value&key=value``, where NAME may be MODULE:CLASS.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -23,10 +23,10 @@ from actors.maps.files import MapFile, is_map_file, list_maps
 from actors.maps.generators import Generator, make_generator
 from actors.maps.grid_map import GridMap
 from actors.maps.recommended import FILE_NAME, ROS_PRESET, SCALE, Recommendation, preset_names, read_folder, read_preset
-from actors.maps.spec import GENERATOR_PREFIX, MapSpec, parameters, parse_spec, place_text
+from actors.maps.spec import MapSpec, parameters, parse_spec, place_text
 from common.errors import MapError
-
-Task = Literal["exploration", "navigation"]
+from common.extensions import generator_name
+from common.tasks import find_task
 
 DEFAULT_SCALE = 0.25
 """Metres per pixel of images, and of generated worlds, where nobody says otherwise."""
@@ -136,14 +136,14 @@ class MixedSource:
         return self.sources[int(rng.integers(len(self.sources)))].draw(rng)
 
 
-def open_sources(specs: Sequence[str], metres_per_pixel: float | None, task: Task) -> MapSource:
+def open_sources(specs: Sequence[str], metres_per_pixel: float | None, task: str) -> MapSource:
     """Open all sources of a configuration and try the first world of each.
 
     Args:
         specs: specifications, as the module's text describes them; at least one.
         metres_per_pixel: scale of images and of generated worlds; when None that of their set, else `DEFAULT_SCALE`.
             What a specification itself says wins, and ROS maps have their own.
-        task: navigation needs maps with a target; generated ones always have one.
+        task: name of the task; one with a target needs maps that have one, as generated ones do.
 
     Returns:
         One source; several specifications are mixed evenly.
@@ -202,21 +202,22 @@ def recommended(spec: str) -> Recommendation:
     Raises:
         MapError: there is no such source, or its settings cannot be read.
     """
-    if spec.startswith(GENERATOR_PREFIX):
-        name = spec.removeprefix(GENERATOR_PREFIX).partition("?")[0]
+    name = generator_name(spec)
+    if name is not None:
         return read_preset(name) if name in preset_names() else Recommendation()
     parsed = parse_spec(spec)
     return _recommended(parsed, _files(parsed))
 
 
-def _open(spec: str, metres_per_pixel: float | None, task: Task) -> MapSource:
-    if spec.startswith(GENERATOR_PREFIX):
-        name, _, query = spec.removeprefix(GENERATOR_PREFIX).partition("?")
+def _open(spec: str, metres_per_pixel: float | None, task: str) -> MapSource:
+    name = generator_name(spec)
+    if name is not None:
+        query = spec.partition("?")[2]
         return GeneratorSource(spec, make_generator(name, parameters(spec, query)), metres_per_pixel or DEFAULT_SCALE)
     parsed = parse_spec(spec)
     files = _files(parsed)
     scale = parsed.metres_per_pixel or metres_per_pixel or _recommended(parsed, files).metres_per_pixel
-    return FileSource(spec, files, scale or DEFAULT_SCALE, require_target=task == "navigation")
+    return FileSource(spec, files, scale or DEFAULT_SCALE, require_target=find_task(task).needs_target)
 
 
 def _recommended(spec: MapSpec, files: Sequence[MapFile]) -> Recommendation:

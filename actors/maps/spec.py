@@ -17,9 +17,9 @@ from pathlib import Path
 from actors.maps.placing import Position
 from actors.maps.recommended import preset_names
 from common.errors import MapError
+from common.extensions import GENERATOR_PREFIX
 
 SPLITS = ("train", "validation")
-GENERATOR_PREFIX = "generator:"
 _KEYS = ("start", "target", "metres_per_pixel")
 
 

@@ -1,17 +1,18 @@
-"""Tasks: what the robot must do, on one environment core."""
+"""Goals: when a task is complete, judged on the true map, on one environment core. `common.tasks` has the tasks."""
 
 from __future__ import annotations
 
-from actors.tasks.base import Task
-from actors.tasks.exploration import ExplorationTask
-from actors.tasks.navigation import NavigationTask
+from typing import cast
+
+from actors.tasks.base import Goal
+from actors.tasks.exploration import ExplorationGoal
+from actors.tasks.navigation import NavigationGoal
 from common.config.schema import TaskConfig
 
-__all__ = ["ExplorationTask", "NavigationTask", "Task", "make_task"]
+__all__ = ["ExplorationGoal", "Goal", "NavigationGoal", "make_goal"]
 
 
-def make_task(config: TaskConfig) -> Task:
-    """Return the task that a configuration names."""
-    if config.name == "navigation":
-        return NavigationTask(config.arrival_radius)
-    return ExplorationTask(config.unseen_area)
+def make_goal(config: TaskConfig) -> Goal:
+    """Return the goal of the task that a configuration names."""
+    task = config.kind
+    return cast(Goal, task.part("goal")(config, task))

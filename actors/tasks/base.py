@@ -1,4 +1,4 @@
-"""What makes a task: when it is complete, and how far it has come."""
+"""The contract of a goal: when a task is complete, and how far it has come."""
 
 from __future__ import annotations
 
@@ -7,21 +7,22 @@ from typing import Protocol
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
 from common.geometry import Pose
+from common.tasks import Task
 
 
-class Task(Protocol):
+class Goal(Protocol):
     """The goal of an episode, judged on the true map.
 
     Usage::
 
-        task.reset(world)
-        while not task.complete(coverage, pose):
+        goal.reset(world)
+        while not goal.complete(coverage, pose):
             ...
     """
 
     @property
-    def name(self) -> str:
-        """Name of the task, as in `TaskConfig.name`."""
+    def task(self) -> Task:
+        """The task whose goal it is."""
         ...
 
     @property

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
+from common.config.schema import TaskConfig
 from common.geometry import Pose
+from common.tasks import EXPLORATION, Task
 
 
-class ExplorationTask:
+class ExplorationGoal:
     """Complete when at most ``unseen_area`` square metres of the reachable clear area are unseen."""
 
-    name = "exploration"
     target = None
 
-    def __init__(self, unseen_area: float) -> None:
-        self.unseen_area = unseen_area
+    def __init__(self, config: TaskConfig, task: Task = EXPLORATION) -> None:
+        self.task = task
+        self.unseen_area = config.unseen_area
 
     def reset(self, world: GridMap) -> None:
         """Begin an episode; every world suits."""

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
+from common.config.schema import TaskConfig
 from common.errors import MapError
 from common.geometry import Pose
+from common.tasks import NAVIGATION, Task
 
 
-class NavigationTask:
+class NavigationGoal:
     """Complete when the robot stands within ``arrival_radius`` metres of the target, or inside its marker."""
 
-    name = "navigation"
-
-    def __init__(self, arrival_radius: float) -> None:
-        self.arrival_radius = arrival_radius
+    def __init__(self, config: TaskConfig, task: Task = NAVIGATION) -> None:
+        self.task = task
+        self.arrival_radius = config.arrival_radius
         self._world: GridMap | None = None
 
     @property

@@ -8,6 +8,7 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
+from common.config.names import named_parts
 from common.config.schema import RunConfig
 from common.config.tree import ConfigTree
 
@@ -20,6 +21,7 @@ RUN = ConfigTree(
     prefix="HD_",
     example="learner.batch_size=32",
     command="hd-learner config --describe",
+    names=named_parts,
 )
 """The tree of a run; the robot's bridge has one of its own."""
 

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from common.ids import ID_PATTERN
+from common.tasks import BOTH, EXPLORATION, Task, find_task
 
 MAX_FAMILIES = 64
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -100,8 +101,8 @@ class FamilyConfig(Section):
     """Sources of its training worlds; those of `maps` when not given."""
     validation: tuple[str, ...] = ()
     """Likewise of its validation worlds."""
-    tasks: tuple[Literal["exploration", "navigation"], ...] = ("exploration", "navigation")
-    """Tasks that it serves, where the run has them."""
+    tasks: tuple[str, ...] = ()
+    """Tasks that it serves, where the run has them; all of the run when not given."""
     teacher: Literal["expert", "reference", "policy"] = "expert"
     """Whom imitation follows here: `expert`: who knows the true map; `reference`: the route of a classical planner, for
     worlds where that is the better beginning; `policy`: `learner.initial_policy`, so that what it can is kept."""
@@ -133,12 +134,17 @@ class FamilyConfig(Section):
             raise ValueError(f"the lower bound comes first: write [{value[1]:g}, {value[0]:g}]")
         return value
 
+    def serves(self, task: str) -> bool:
+        """Whether it has episodes of a task."""
+        return not self.tasks or task in self.tasks
+
 
 class SimulatorConfig(Section):
     """The simulated robot and its sensor."""
 
-    name: Literal["pybullet", "grid"] = "pybullet"
-    """`pybullet`: a physics world of wall meshes; `grid`: pure 2D ray traversal, needs no PyBullet."""
+    name: str = "pybullet"
+    """`pybullet`: a physics world of wall meshes; `grid`: pure 2D ray traversal, needs no PyBullet; or one that an
+    installed package adds, or MODULE:CLASS."""
     fidelity: Literal["kinematic", "dynamic"] = "kinematic"
     """PyBullet only. `kinematic`: carried along the segment; `dynamic`: wheels, motors, contacts."""
     rays: Annotated[int, Field(ge=16, le=7200)] = 720
@@ -160,14 +166,20 @@ class SimulatorConfig(Section):
 class TaskConfig(Section):
     """What the robot must do, and when an episode ends."""
 
-    name: Literal["exploration", "navigation"] = "exploration"
-    """`exploration`: map everything reachable; `navigation`: reach the target."""
+    name: str = EXPLORATION.name
+    """`exploration`: map everything reachable; `navigation`: reach the target; or one that an installed package adds,
+    or MODULE:NAME of a task of one's own."""
     max_steps: Annotated[int, Field(ge=1, le=10_000)] = 128
     """Decisions per episode; reaching the limit truncates the episode (no terminal state)."""
     unseen_area: Annotated[float, Field(ge=0.0)] = 15.625
     """Exploration is complete when at most this much reachable free area is unseen, m² (250 px of 0.25 m)."""
     arrival_radius: Positive = 1.6
     """Navigation is complete within this distance of the target, metres, or inside its marker."""
+
+    @property
+    def kind(self) -> Task:
+        """The task itself; ConfigError when there is none of that name."""
+        return find_task(self.name)
 
 
 class RewardConfig(Section):
@@ -532,10 +544,9 @@ class RunConfig(Section):
             raise ValueError(
                 "families: one has the teacher 'reference', whose route only network.features = 'guided' tell"
             )
-        if not all(any(task.name in family.tasks for family in self.mix) for task in self.tasks):
-            raise ValueError(
-                f"families: one of them at least must serve the task {self.task_name!r}: see their `tasks`"
-            )
+        for task in self.tasks:
+            if not any(family.serves(task.name) for family in self.mix):
+                raise ValueError(f"families: one of them at least must serve the task {task.name!r}: see their `tasks`")
         return self
 
     @property
@@ -550,7 +561,7 @@ class RunConfig(Section):
             source
             for task in self.tasks
             for family in self.mix
-            if task.name in family.tasks
+            if family.serves(task.name)
             for source in self.sources(family, task.name, evaluate=False)
         )
         return tuple(dict.fromkeys(every))
@@ -570,14 +581,14 @@ class RunConfig(Section):
 
         Args:
             family: one of `mix`.
-            task: `exploration` or `navigation`.
+            task: name of the task.
             evaluate: those of validation.
         """
         own = family.validation if evaluate else family.train
         if own or family.train:
             return own
         maps = self.maps
-        if task == "navigation":
+        if find_task(task).needs_target:
             navigation = maps.validation_navigation if evaluate else maps.train_navigation
             if navigation:
                 return navigation
@@ -593,13 +604,13 @@ class RunConfig(Section):
     @property
     def tasks(self) -> tuple[TaskConfig, ...]:
         """The tasks of its episodes."""
-        names = ("exploration", "navigation") if self.both_tasks else (self.task.name,)
+        names = [task.name for task in BOTH] if self.both_tasks else [self.task.name]
         return tuple(self.task.model_copy(update={"name": name}) for name in names)
 
     @property
     def task_name(self) -> str:
-        """What its policy is for: ``exploration``, ``navigation`` or ``both``."""
-        return "both" if self.both_tasks else self.task.name
+        """What its policy is for: the name of its task, or ``both``."""
+        return "both" if self.both_tasks else self.task.kind.name
 
     @property
     def contrastive_weight(self) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import json
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -18,7 +18,8 @@ from typing import Any, Generic, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from common.errors import ConfigError
+from common.errors import ConfigError, HDError
+from common.registry import NamedPart
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -39,6 +40,7 @@ class ConfigTree(Generic[M]):
         prefix: of its environment variables.
         example: an override, for messages.
         command: prints the reference of all settings.
+        names: yields what a configuration names: planners, simulators and the like, which must exist.
     """
 
     model: type[M]
@@ -49,6 +51,7 @@ class ConfigTree(Generic[M]):
     prefix: str
     example: str
     command: str
+    names: Callable[[M], Iterable[NamedPart]]
 
     def preset_names(self) -> list[str]:
         """Names of the presets that ship with the package."""
@@ -86,12 +89,16 @@ class ConfigTree(Generic[M]):
         return self.resolve(tree, origin)
 
     def resolve(self, tree: Mapping[str, Any], origin: Mapping[str, str] | None = None) -> M:
-        """Validate a plain tree of settings; `origin` says where each value came from."""
+        """Validate a plain tree of local settings; `origin` says where each value came from."""
+        origin = origin or {}
         try:
-            return self.model.model_validate(tree)
+            config = self.model.model_validate(tree)
         except ValidationError as error:
-            lines = [self._explain(problem, origin or {}) for problem in error.errors(include_url=False)]
-            raise ConfigError("configuration is not valid:\n" + "\n".join(f"  {line}" for line in lines)) from None
+            raise _invalid(self._explain(problem, origin) for problem in error.errors(include_url=False)) from None
+        unknown = [f"{path}: {text}{_source(path, origin)}" for path, text in _unknown(self.names(config))]
+        if unknown:
+            raise _invalid(unknown)
+        return config
 
     def field_at(self, path: str) -> FieldInfo | None:
         """Look a dotted path up in the schema; None when it names no field."""
@@ -169,12 +176,29 @@ class ConfigTree(Generic[M]):
         if problem["type"] == "extra_forbidden":
             source = origin.get(path)
             return f"{path}: there is no such setting{self._nearest(path)}" + (f" (from {source})" if source else "")
-        field = next((p for p in (path, path.rpartition(".")[0]) if p in origin), None)
-        source = f" (from {origin[field]})" if field else ""
+        source = _source(path, origin)
         message = problem["msg"].removeprefix("Value error, ")
         got = problem["input"]
         shown = f", got {got!r}" if not isinstance(got, (dict, BaseModel)) else ""
         return f"{path or self.subject}: {message[0].lower() + message[1:]}{shown}{source}"
+
+
+def _source(path: str, origin: Mapping[str, str]) -> str:
+    field = next((p for p in (path, path.rpartition(".")[0]) if p in origin), None)
+    return f" (from {origin[field]})" if field else ""
+
+
+def _unknown(parts: Iterable[NamedPart]) -> Iterator[tuple[str, str]]:
+    """Yield the names that do not exist, as path of the setting and what is wrong; nothing is imported."""
+    for part in parts:
+        try:
+            part.registry.check(part.name)
+        except HDError as error:
+            yield part.path, str(error)
+
+
+def _invalid(lines: Iterable[str]) -> ConfigError:
+    return ConfigError("configuration is not valid:\n" + "\n".join(f"  {line}" for line in lines))
 
 
 def _leaves(model: type[BaseModel], prefix: str) -> Iterator[tuple[str, FieldInfo]]:

@@ -171,7 +171,7 @@ def _report_fields(report: EpisodeReport) -> dict[str, Any]:
 
 def _read_report(fields: Fields) -> EpisodeReport:
     return EpisodeReport(
-        task=fields.word("task", "exploration", "navigation"),
+        task=fields.identifier("task"),
         map_name=fields.text("map_name"),
         simulator=fields.text("simulator", 64),
         role=fields.word("role", "train", "evaluate"),

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Literal, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from common.config.schema import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 
-TaskName = Literal["exploration", "navigation"]
+TaskName = str
+"""Name of a task, see `common.tasks`."""
 Position = tuple[float, float]
 
 

@@ -16,7 +16,7 @@ from common.planners.base import Plan, Planner, Position, Status, TaskName
 from common.planners.depth import Depth
 from common.planners.greedy import GreedyPlanner
 from common.planners.news import PlacesSinceNews
-from common.planners.reference import REFERENCE_PLANNERS, ReferenceRoute
+from common.planners.reference import ReferenceRoute
 from common.planners.registry import make_planner
 from common.planners.suited_mapping import warn_of_other_mapping
 from common.planners.viewpoint_planner import (
@@ -30,10 +30,9 @@ from common.planners.viewpoint_planner import (
 from common.policy import Policy
 from common.policy_file import PolicyCard, read_policy
 from common.shipped import shipped_policy, shipped_tasks
+from common.tasks import EXPLORATION, find_task
 
 log = logging.getLogger(__name__)
-
-TASKS: tuple[TaskName, ...] = ("exploration", "navigation")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,7 +120,7 @@ class LearnedPlanner:
             self.policy, self.card = policy if isinstance(policy, tuple) else read_policy(Path(policy).expanduser())
             warn_of_other_mapping(self.card, config)
         elif not shipped_tasks():
-            shipped_policy("exploration")
+            shipped_policy(EXPLORATION.name)
         self._way_out: Position | None = None
         self._forget()
 
@@ -133,8 +132,7 @@ class LearnedPlanner:
     @property
     def tasks(self) -> frozenset[TaskName]:
         """The tasks that its policy was trained for."""
-        trained = shipped_tasks() if self.card is None or self._shipped else self.card.tasks
-        return frozenset(task for task in TASKS if task in trained)
+        return shipped_tasks() if self.card is None or self._shipped else self.card.tasks
 
     def mapping_for(self, task: TaskName) -> MappingConfig:
         """Return the mapping to give it: the configured one, with utilities and beacons as the policy learnt them."""
@@ -158,8 +156,9 @@ class LearnedPlanner:
             self._reference = reference
         elif self._shipped and self._end_cycles:
             self._depth = Depth(self._config)
-            self._classical = make_planner(REFERENCE_PLANNERS[task], self.mapping_for(task))
-            self._classical.reset(task, target, 0)
+            kind = find_task(task)
+            self._classical = make_planner(kind.reference, self.mapping_for(task))
+            self._classical.reset(kind.asked_of(kind.reference, self._classical.tasks), target, 0)
 
     def plan(self, mapper: Mapper, pose: Pose) -> Plan:
         """Decide; the mapper has taken in the newest scan and was updated at this pose."""

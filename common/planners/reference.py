@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
@@ -13,9 +12,7 @@ from common.mapping.mapper import Mapper
 from common.observation import MAX_ROUTE, Observation
 from common.planners.base import Plan, Planner, Position, TaskName
 from common.planners.registry import make_planner
-
-REFERENCE_PLANNERS: Final[dict[TaskName, str]] = {"exploration": "tour", "navigation": "dstar_lite"}
-"""The planner that is asked in each task."""
+from common.tasks import find_task
 
 
 class ReferenceRoute:
@@ -41,8 +38,9 @@ class ReferenceRoute:
 
     def reset(self, task: TaskName, target: Position | None) -> None:
         """Begin an episode: forget everything."""
-        self._planner = make_planner(REFERENCE_PLANNERS[task], self._config)
-        self._planner.reset(task, target, 0)
+        kind = find_task(task)
+        self._planner = make_planner(kind.reference, self._config)
+        self._planner.reset(kind.asked_of(kind.reference, self._planner.tasks), target, 0)
         self.plan = None
 
     def observe(self, mapper: Mapper, pose: Pose) -> Observation:

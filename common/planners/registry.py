@@ -2,106 +2,118 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 from dataclasses import dataclass
-from importlib import import_module
-from typing import Any, cast
+from typing import Any, Final, cast
 
 from common.config.schema import MappingConfig
-from common.errors import ConfigError
-from common.planners.base import Planner, TaskName
+from common.errors import ConfigError, HDError
+from common.planners.base import Planner
+from common.registry import Entry, Registry, did_you_mean
+from common.tasks import Task
+
+_MEMBERS: Final = ("name", "tasks", "reset", "plan")
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
-    """Where a planner lives.
+class PlannerEntry(Entry):
+    """Where a planner that ships is defined.
 
     Attributes:
-        module: full name of its module.
-        factory: a class or function in it, called as ``factory(config, **settings)``.
-        tasks: tasks that it can do.
-        summary: one line for listings.
+        tasks: names of the tasks that it can do.
     """
 
-    module: str
-    factory: str
-    tasks: frozenset[TaskName]
-    summary: str
+    tasks: frozenset[str]
 
 
-_EXPLORATION: frozenset[TaskName] = frozenset({"exploration"})
-_NAVIGATION: frozenset[TaskName] = frozenset({"navigation"})
-_BOTH: frozenset[TaskName] = _EXPLORATION | _NAVIGATION
-
-_ENTRIES: dict[str, Entry] = {
-    "nearest": Entry("common.planners.nearest", "NearestPlanner", _EXPLORATION, "nearest frontier (Yamauchi 1997)"),
-    "greedy": Entry("common.planners.greedy", "GreedyPlanner", _EXPLORATION, "utility x exp(-path length / scale)"),
-    "nbvp": Entry("common.planners.nbvp", "NbvpPlanner", _EXPLORATION, "receding-horizon RRT (Bircher 2016)"),
-    "dsvp": Entry("common.planners.dsvp", "DsvpPlanner", _EXPLORATION, "local RRT and global graph (Zhu 2021)"),
-    "tare": Entry("common.planners.tare", "TarePlanner", _EXPLORATION, "local coverage and global tour (Cao 2021)"),
-    "tour": Entry(
-        "common.planners.covering_tour", "CoveringTourPlanner", _EXPLORATION, "covering tour over all frontiers"
-    ),
-    "dstar_lite": Entry("common.planners.dstar_lite", "DStarLitePlanner", _NAVIGATION, "D* Lite (Koenig 2002)"),
-    "astar": Entry("common.planners.astar", "AStarPlanner", _NAVIGATION, "A*, planned anew at each step"),
-    "bit_star": Entry("common.planners.bit_star", "BitStarPlanner", _NAVIGATION, "BIT* through OMPL (Gammell 2015)"),
-    "far": Entry("common.planners.far", "FarPlanner", _NAVIGATION, "incremental visibility graph (Yang 2022)"),
-    "hdplanner": Entry("common.planners.learned", "LearnedPlanner", _BOTH, "a trained policy (Liang 2025)"),
-    "hdplanner-bare": Entry(
-        "common.planners.learned", "bare_planner", _BOTH, "a trained policy without rule and guard"
-    ),
-}
+def _entry(path: str, summary: str, *tasks: str) -> PlannerEntry:
+    return PlannerEntry(f"common.planners.{path}", summary, frozenset(tasks))
 
 
-def planner_names(task: TaskName | None = None) -> list[str]:
-    """Return the names of all planners, or of those that can do a task, in the order of listings."""
-    return [name for name, entry in _ENTRIES.items() if task is None or task in entry.tasks]
+PLANNERS: Final = Registry(
+    "planner",
+    "hdplanner.planners",
+    {
+        "nearest": _entry("nearest:NearestPlanner", "nearest frontier (Yamauchi 1997)", "exploration"),
+        "greedy": _entry("greedy:GreedyPlanner", "utility x exp(-path length / scale)", "exploration"),
+        "nbvp": _entry("nbvp:NbvpPlanner", "receding-horizon RRT (Bircher 2016)", "exploration"),
+        "dsvp": _entry("dsvp:DsvpPlanner", "local RRT and global graph (Zhu 2021)", "exploration"),
+        "tare": _entry("tare:TarePlanner", "local coverage and global tour (Cao 2021)", "exploration"),
+        "tour": _entry("covering_tour:CoveringTourPlanner", "covering tour over all frontiers", "exploration"),
+        "dstar_lite": _entry("dstar_lite:DStarLitePlanner", "D* Lite (Koenig 2002)", "navigation"),
+        "astar": _entry("astar:AStarPlanner", "A*, planned anew at each step", "navigation"),
+        "bit_star": _entry("bit_star:BitStarPlanner", "BIT* through OMPL (Gammell 2015)", "navigation"),
+        "far": _entry("far:FarPlanner", "incremental visibility graph (Yang 2022)", "navigation"),
+        "hdplanner": _entry("learned:LearnedPlanner", "a trained policy (Liang 2025)", "exploration", "navigation"),
+        "hdplanner-bare": _entry(
+            "learned:bare_planner", "a trained policy without rule and guard", "exploration", "navigation"
+        ),
+    },
+)
+"""Planners: called with a `MappingConfig` and settings of its own as keywords, each returns a `Planner`."""
 
 
-def planner_summary(name: str) -> str:
-    """Return one line about a planner; ConfigError for an unknown name."""
-    return _entry(name).summary
+def planner_names(*tasks: str) -> list[str]:
+    """Return the names of all planners, or of the shipped ones that can do one of some tasks, as listings have them."""
+    if not tasks:
+        return PLANNERS.names()
+    return [name for name in PLANNERS.shipped if not shipped_tasks_of(name).isdisjoint(tasks)]
 
 
-def planner_tasks(name: str) -> frozenset[TaskName]:
-    """Return the tasks that a planner can do, without importing it; ConfigError for an unknown name."""
-    return _entry(name).tasks
+def shipped_tasks_of(name: str) -> frozenset[str]:
+    """Return the names of the tasks that a shipped planner can do, without importing it."""
+    entry = PLANNERS.shipped[name]
+    assert isinstance(entry, PlannerEntry)
+    return entry.tasks
 
 
 def make_planner(name: str, config: MappingConfig, **settings: Any) -> Planner:
     """Make a planner.
 
     Args:
-        name: one of `planner_names`.
+        name: one of `planner_names`, or MODULE:CLASS.
         config: the mapping that the planner will be given.
         settings: keyword arguments of the planner's constructor.
 
     Raises:
-        ConfigError: there is no planner of that name, the planner has no such setting, or a package that it needs is
-            missing (the message names the extra to install).
+        ConfigError: there is no planner of that name, the planner has no such setting, what was made is no planner, or
+            a package that it needs is missing (the message names the extra to install).
     """
-    entry = _entry(name)
-    factory = getattr(import_module(entry.module), entry.factory)
+    factory = PLANNERS.load(name)
+    _check_settings(name, factory, settings)
+    if name in PLANNERS.shipped:
+        return cast(Planner, factory(config, **settings))
+    try:
+        made = factory(config, **settings)
+    except HDError:
+        raise
+    except Exception as error:
+        raise ConfigError(
+            f"cannot make planner {name!r} ({type(error).__name__}: {error}): its class is called with a MappingConfig"
+        ) from error
+    missing = [member for member in _MEMBERS if not hasattr(made, member)]
+    if missing:
+        raise ConfigError(f"{name!r} is no planner, it has no {', '.join(missing)}: see common.planners.base.Planner")
+    return cast(Planner, made)
+
+
+def check_planner(name: str, task: Task) -> None:
+    """Raise ConfigError for a planner that does not exist, or ships and cannot do a task; nothing is imported."""
+    PLANNERS.check(name)
+    if name in PLANNERS.shipped:
+        task.asked_of(name, shipped_tasks_of(name))
+
+
+def _check_settings(name: str, factory: Any, settings: dict[str, Any]) -> None:
+    if not settings:
+        return
+    parameters = inspect.signature(factory).parameters.values()
     known = [
         parameter.name
-        for parameter in inspect.signature(factory).parameters.values()
+        for parameter in parameters
         if parameter.name != "config" and parameter.kind is not inspect.Parameter.VAR_KEYWORD
     ]
     for setting in settings:
         if setting not in known:
             offer = f"its settings are: {', '.join(known)}" if known else "it has none"
-            raise ConfigError(f"planner {name!r} has no setting {setting!r}{_did_you_mean(setting, known)}; {offer}")
-    return cast(Planner, factory(config, **settings))
-
-
-def _entry(name: str) -> Entry:
-    if name not in _ENTRIES:
-        names = planner_names()
-        raise ConfigError(f"there is no planner {name!r}{_did_you_mean(name, names)}; planners are: {', '.join(names)}")
-    return _ENTRIES[name]
-
-
-def _did_you_mean(word: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.5)
-    return f" (did you mean {close[0]!r}?)" if close else ""
+            raise ConfigError(f"planner {name!r} has no setting {setting!r}{did_you_mean(setting, known)}; {offer}")

@@ -145,7 +145,7 @@ class DecisionLoop:
         else:
             self._oversight.begin(orders.target, now)
             self._map.set_target(orders.target)
-            self.team.begin(self._mission.task, orders.target)
+            self.team.begin(self._mission.task.name, orders.target)
 
     def _refresh(self, now: float) -> Mapper | None:
         mapper = self._map.refresh()
@@ -283,7 +283,7 @@ class DecisionLoop:
     def _nowhere(self, mapper: Mapper, place: Pose, plan: Plan) -> None:
         """Stand, because the planner has no waypoint; after enough checks the task is over."""
         found = diagnose(mapper, place, self._mapping)
-        exploring = self._mission.task == "exploration" and self._mission.orders.phase is not Phase.RETURNING
+        exploring = not self._mission.task.needs_target and self._mission.orders.phase is not Phase.RETURNING
         if plan.status is Status.STUCK or (exploring and not found.final):
             self._checks.reset()
             self._stand(plan.reason if found.final else found.text)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import threading
 from datetime import datetime
@@ -14,14 +13,15 @@ from common.bus.session import open_client_session
 from common.bus.spec import fetch_spec
 from common.bus.weights import WeightsPuller
 from common.closing import Closing
-from common.config.load import resolve
-from common.config.schema import BusConfig, RunConfig
+from common.config.names import config_from_message
+from common.config.schema import BusConfig, MapsConfig, RunConfig, SimulatorConfig
 from common.errors import BusError, ConfigError, HDError
 from common.messages.weights import Weights
 from common.network.parameters import parameter_shapes
 from common.planners.learned import LearnedPlanner
 from common.policy import Policy
 from common.policy_file import PolicyCard
+from common.tasks import find_task
 from deploy.bridge.team import PlannerTeam
 from deploy.config import DeployConfig
 
@@ -120,7 +120,8 @@ class LivePolicy(Closing):
         said = False
         while not self._stop.is_set():
             try:
-                config = resolve(json.loads(fetch_spec(self._session, self._run_name, timeout=1.0).config))
+                spec = fetch_spec(self._session, self._run_name, timeout=1.0)
+                config = config_from_message(spec.config, {self._task}, "set decision.task to it", _without_worlds)
             except BusError:
                 if not said:
                     log.info("waiting for the learner of run %r", self._run_name)
@@ -129,7 +130,8 @@ class LivePolicy(Closing):
             except HDError as error:
                 log.error("cannot follow run %r: %s", self._run_name, error)
                 return
-            if self._task not in [task.name for task in config.tasks]:
+            task = find_task(self._task)
+            if {task.name, task.plan_as}.isdisjoint(each.kind.name for each in config.tasks):
                 log.error("run %r trains for %s, this robot is to do %s", self._run_name, config.task_name, self._task)
                 return
             puller = WeightsPuller(
@@ -138,3 +140,8 @@ class LivePolicy(Closing):
             with self._lock:
                 self._found = config, puller
             return
+
+
+def _without_worlds(config: RunConfig) -> RunConfig:
+    """Leave out what a robot does not use of a run, and what therefore may name whatever it likes."""
+    return config.model_copy(update={"simulator": SimulatorConfig(), "maps": MapsConfig(), "families": ()})

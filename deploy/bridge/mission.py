@@ -9,6 +9,7 @@ from enum import StrEnum
 from math import hypot, inf, isfinite
 
 from common.planners.base import Position, TaskName
+from common.tasks import find_task
 from deploy.bridge.words import CommandError
 
 
@@ -82,16 +83,16 @@ class Mission:
         """Begin idle.
 
         Args:
-            task: exploration or navigation.
-            target: of navigation, when it is known already; an exploration has none.
+            task: name of the task.
+            target: when it is known already; a task without one has none.
             reach: farthest target from the robot, metres.
             here: returns where the robot is, map frame; None while that is not known.
         """
-        self.task = task
+        self.task = find_task(task)
         self._reach = reach
         self._here = here
         self._lock = threading.Lock()
-        self._orders = Orders(target=target if task == "navigation" else None)
+        self._orders = Orders(target=target if self.task.needs_target else None)
 
     @property
     def orders(self) -> Orders:
@@ -102,7 +103,7 @@ class Mission:
         """Begin the task; while it runs already, nothing changes.
 
         Raises:
-            CommandError: navigation has no target yet.
+            CommandError: the task has no target yet.
         """
         with self._lock:
             orders = self._orders
@@ -111,7 +112,7 @@ class Mission:
             if orders.phase is Phase.PAUSED and orders.paused is Phase.RUNNING:
                 self._change(Phase.RUNNING, "resumed by command")
                 return
-            if self.task == "navigation" and orders.target is None:
+            if self.task.needs_target and orders.target is None:
                 raise CommandError("there is no target yet: send `goal X Y` first, or set decision.goal")
             self._change(Phase.RUNNING, "started by command", new_episode=True)
 
@@ -174,12 +175,12 @@ class Mission:
             self._orders = replace(orders, map_resets=orders.map_resets + 1, episode=orders.episode + 1)
 
     def goal(self, target: Position) -> None:
-        """Set the target of navigation; a robot under way goes there at once, one that waits does with `start`.
+        """Set the target; a robot under way goes there at once, one that waits does with `start`.
 
         Raises:
-            CommandError: the target is not finite or too far away, or the task is exploration.
+            CommandError: the target is not finite or too far away, or the task has none.
         """
-        if self.task != "navigation":
+        if not self.task.needs_target:
             raise CommandError("this bridge explores and takes no target: set decision.task=navigation and restart it")
         if not (isfinite(target[0]) and isfinite(target[1])):
             raise CommandError(f"a target must be two finite numbers in metres, got {target}")

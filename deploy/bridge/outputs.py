@@ -8,6 +8,7 @@ from typing import Any
 
 from common.geometry import Pose
 from common.planners.base import Position
+from common.tasks import find_task
 from deploy.bridge.mission import Phase
 from deploy.bridge.outcome import Outcome
 from deploy.bridge.status import Status
@@ -89,7 +90,7 @@ class Outputs:
         self._number("time_duration", status.duration)
         finished = outcome.orders.phase is Phase.FINISHED
         self._send("finished", message("std_msgs/msg/Bool", data=finished))
-        if status.task == "navigation":
+        if find_task(status.task).needs_target:
             self._send("goal_reached", message("std_msgs/msg/Bool", data=finished))
 
     def belief(self, outcome: Outcome, stamp: float) -> None:

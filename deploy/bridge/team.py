@@ -9,13 +9,13 @@ from common.errors import ConfigError, HDError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Planner, Position, TaskName, mapping_for
-from common.planners.registry import make_planner, planner_tasks
+from common.planners.registry import check_planner, make_planner
+from common.tasks import NAVIGATION, find_task
 from deploy.config import DeployConfig
 
 log = logging.getLogger(__name__)
 
 HOME_PLANNER = "astar"
-FALLBACKS: dict[TaskName, str] = {"exploration": "nearest", "navigation": "astar"}
 
 
 class PlannerError(HDError):
@@ -59,12 +59,13 @@ class PlannerTeam:
     def main(self, planner: Planner) -> None:
         """Put another planner in charge; it begins with the episode of this moment."""
         if self._episode is not None:
-            planner.reset(*self._episode, 0)
+            _begin(planner, *self._episode)
         self._main = planner
 
     def members(self, task: TaskName) -> list[tuple[Planner, TaskName]]:
-        """Return all planners, each with what it will be asked for."""
-        return [(self._main, task), (self._fallback, task), (self._home, "navigation")]
+        """Return all planners, each with the task that it will be asked for."""
+        both = [(planner, _asked(planner, task)) for planner in (self._main, self._fallback)]
+        return [*both, (self._home, NAVIGATION.name)]
 
     def begin(self, task: TaskName, target: Position | None) -> None:
         """Begin an episode: everybody forgets everything.
@@ -75,13 +76,13 @@ class PlannerTeam:
         self._episode = (task, target)
         self._homing = False
         self._until = float("-inf")
-        self._main.reset(task, target, 0)
-        self._fallback.reset(task, target, 0)
+        _begin(self._main, task, target)
+        _begin(self._fallback, task, target)
 
     def go_home(self, home: Position) -> None:
         """Begin the way home."""
         self._homing = True
-        self._home.reset("navigation", home, 0)
+        self._home.reset(NAVIGATION.name, home, 0)
 
     def relieve(self, now: float, why: str) -> None:
         """Put the fallback in charge for a while."""
@@ -91,7 +92,7 @@ class PlannerTeam:
             "planner %s is relieved by %s for %g s: %s", self._main.name, self._fallback.name, self._relief, why
         )
         if now >= self._until:
-            self._fallback.reset(*self._episode, 0)
+            _begin(self._fallback, *self._episode)
         self._until = now + self._relief
         self.why_relieved = why
 
@@ -122,9 +123,17 @@ class PlannerTeam:
             raise PlannerError(failure) from error
 
 
+def _begin(planner: Planner, task: TaskName, target: Position | None) -> None:
+    planner.reset(_asked(planner, task), target, 0)
+
+
+def _asked(planner: Planner, task: TaskName) -> TaskName:
+    return find_task(task).asked_of(planner.name, planner.tasks)
+
+
 def with_planning_set(config: DeployConfig, team: PlannerTeam) -> DeployConfig:
     """Return the configuration whose mapping suits the planner in charge: a policy brings rules of its own."""
-    mapping = mapping_for(team.main, config.decision.task, config.mapping)
+    mapping = mapping_for(team.main, _asked(team.main, config.decision.task), config.mapping)
     return config.model_copy(update={"mapping": mapping})
 
 
@@ -141,6 +150,7 @@ def make_team(config: DeployConfig, main: Planner | None = None) -> PlannerTeam:
         WeightsError: its weights do not fit its network.
     """
     decision = config.decision
+    task = find_task(decision.task)
     settings: dict[str, Any] = {}
     if decision.policy is not None:
         if not decision.planner.startswith("hdplanner"):
@@ -148,10 +158,9 @@ def make_team(config: DeployConfig, main: Planner | None = None) -> PlannerTeam:
                 f"decision.policy is for hdplanner, not {decision.planner!r}: set decision.planner=hdplanner"
             )
         settings["policy"] = decision.policy
-    fallback = decision.fallback or FALLBACKS[decision.task]
+    fallback = decision.fallback or task.fallback
     for name in (decision.planner, fallback):
-        if decision.task not in planner_tasks(name):
-            raise ConfigError(f"planner {name!r} does not do {decision.task}: choose another one")
+        check_planner(name, task)
     return PlannerTeam(
         main or make_planner(decision.planner, config.mapping, **settings),
         make_planner(fallback, config.mapping),

@@ -13,6 +13,7 @@ from common.mapping.mapper import Mapper
 from common.mapping.raycast import cast_rays, ray_angles
 from common.mapping.warmup import warm_up as warm_up_mapping
 from common.planners.base import Planner, TaskName
+from common.tasks import find_task
 from deploy.bridge.unseen import find_unseen, go_to_unseen
 from deploy.bridge.way_out import way_out
 from deploy.config import DeployConfig
@@ -43,7 +44,7 @@ def warm_up(config: DeployConfig, planners: list[tuple[Planner, TaskName]]) -> N
     free[20:40, 34] = False
     angles = ray_angles(0.0, 0.0, 2.0 * np.pi / _BEAMS, _BEAMS)
     for planner, task in planners:
-        planner.reset(task, target if task == "navigation" else None, 0)
+        planner.reset(task, target if find_task(task).needs_target else None, 0)
     for number, (x, y) in enumerate(_PLACES):
         stamp, pose = 1.0 + number, Pose(x, y)
         ranges = cast_rays(free, 0.2, 0.0, 0.0, x, y, angles, 6.0)

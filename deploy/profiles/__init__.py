@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from common.config.describe import to_markdown
 from common.config.tree import ConfigTree
+from common.planners.registry import PLANNERS
+from common.registry import NamedPart
+from common.tasks import TASKS
 from deploy.config import DeployConfig
+
+
+def named_parts(config: DeployConfig) -> Iterator[NamedPart]:
+    """Yield every planner and task that a robot's configuration names."""
+    decision = config.decision
+    yield NamedPart("decision.task", TASKS, decision.task)
+    yield NamedPart("decision.planner", PLANNERS, decision.planner)
+    if decision.fallback is not None:
+        yield NamedPart("decision.fallback", PLANNERS, decision.fallback)
+
 
 DEPLOY = ConfigTree(
     DeployConfig,
@@ -18,6 +31,7 @@ DEPLOY = ConfigTree(
     prefix="HDROBOT_",
     example="decision.planner=tare",
     command="hd-deploy config --describe",
+    names=named_parts,
 )
 """The tree of a robot. Its variables begin with HDROBOT_, because all that begin with HD_ are settings of runs."""
 

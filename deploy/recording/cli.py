@@ -17,8 +17,9 @@ from rich.console import Console
 
 from common.cli import command_errors
 from common.logs import setup_logging
+from common.registry import refuse_modules
 from deploy.config import DeployConfig
-from deploy.profiles import load_deploy_config
+from deploy.profiles import load_deploy_config, named_parts
 
 app = typer.Typer()
 
@@ -138,7 +139,12 @@ def replay(
 
     every = [*(overrides or ()), *([f"decision.planner={planner}"] if planner else ())]
     resolved = None if profile or config else recorded_config(path)
-    resolved = _load(profile, config, every) if resolved is None else _override(resolved, every)
+    if resolved is None:
+        resolved = _load(profile, config, every)
+    else:
+        resolved = _override(resolved, every)
+        given = {text.partition("=")[2] for text in every}
+        refuse_modules(named_parts(resolved), given, f"the recording {path}", "give --planner, or --set to change it")
     viewer = Viewer(resolved.ros.distro) if rerun else None
     checks = Checks(resolved)
     for recorded in read_bag(path):

@@ -147,7 +147,7 @@ class Replay:
     def _pass(self) -> None:
         """Run one pass of the decision loop, as the bridge does."""
         if self._self_start and self._map.refresh() is not None and (
-            self._mission.task == "exploration" or self._mission.orders.target is not None
+            not self._mission.task.needs_target or self._mission.orders.target is not None
         ):  # fmt: skip
             self._self_start = False
             self._mission.start()
@@ -212,7 +212,7 @@ class Replay:
         except (ValueError, TypeError, KeyError):
             return
         orders = self._mission.orders
-        if target is not None and self._mission.task == "navigation" and orders.target != tuple(target):
+        if target is not None and self._mission.task.needs_target and orders.target != tuple(target):
             self._mission.goal((float(target[0]), float(target[1])))
         if state in _MOVING and orders.phase.value in {"idle", "paused", "aborted"}:
             self._mission.start()

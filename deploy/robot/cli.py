@@ -17,7 +17,7 @@ from rich.console import Console
 from common.cli import command_errors
 from common.errors import ConfigError
 from common.logs import setup_logging
-from common.planners.base import TaskName
+from common.tasks import TASKS
 from deploy.config import DeployConfig
 from deploy.profiles import load_deploy_config
 from deploy.robot.options import DEFAULT_SCALE, RobotOptions
@@ -133,8 +133,8 @@ def robot(
 
 @command_errors
 def demo(
-    task: Annotated[str, typer.Option(help="exploration or navigation.")] = "exploration",
-    planner: Annotated[str, typer.Option(help="Planner; hdplanner is the shipped policy.")] = "hdplanner",
+    task: Annotated[str, typer.Option(help="exploration, navigation, or MODULE:NAME.")] = "exploration",
+    planner: Annotated[str, typer.Option(help="Planner or MODULE:CLASS; hdplanner: shipped policy.")] = "hdplanner",
     world: World = DEFAULTS.map,
     start: Start = None,
     target: Target = None,
@@ -161,9 +161,7 @@ def demo(
         from deploy.robot.process import stopping_signals
         from deploy.robot.trial import Trial
 
-    if task not in ("exploration", "navigation"):
-        raise ConfigError(f"--task: expected exploration or navigation, got {task!r}")
-    name: TaskName = "navigation" if task == "navigation" else "exploration"
+    TASKS.check(task)
     world = placed(world, start, target)
     options = checked_options(
         {
@@ -175,7 +173,7 @@ def demo(
         }
     )
     trial = Trial(
-        name,
+        task,
         options=options,
         planner=planner,
         profile=profile,

@@ -14,6 +14,7 @@ from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
 from common.geometry import Pose
 from common.planners.base import Position, TaskName
+from common.tasks import find_task
 from deploy.profiles import load_deploy_config
 from deploy.robot.deployment import Deployment, DeploymentError
 from deploy.robot.film import PackedGrid, Shot
@@ -92,7 +93,7 @@ class Trial:
         """Prepare a trial; the robot's world must have a target for navigation.
 
         Args:
-            task: exploration or navigation.
+            task: name of the task.
             options: the robot: world, seed, speed, noise.
             planner: name of a planner.
             profile: topics and frames.
@@ -101,14 +102,14 @@ class Trial:
             shot_seconds: time between recorded moments.
         """
         self.world: GridMap = centred(load_world(options))
-        self.target: Position | None = self.world.target if task == "navigation" else None
-        if task == "navigation" and self.target is None:
+        self.target: Position | None = self.world.target if find_task(task).needs_target else None
+        if find_task(task).needs_target and self.target is None:
             raise DeploymentError(f"map {self.world.name!r} has no target: use a navigation map or a generator")
         self.shots: list[Shot] = []
         self._task = task
         self._shot_seconds = shot_seconds
         self._options = options
-        every = [f"decision.planner={planner}", *settings]
+        every = [f"decision.task={task}", f"decision.planner={planner}", *settings]
         self._config = load_deploy_config(overrides=every, profile=profile)
         # What lies behind a gap that the robot does not fit through is no fault of it.
         self._coverage = Coverage(self.world, self._config.mapping.robot_radius)

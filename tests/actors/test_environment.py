@@ -8,7 +8,7 @@ from actors.environment import Environment, route_length
 from actors.episode import Role, run_episode
 from actors.expert import make_expert
 from actors.simulators.grid import GridSimulator
-from actors.tasks import make_task
+from actors.tasks import make_goal
 from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
 from common.errors import ConfigError, HDError, MapError
 from common.messages.experience import End
@@ -44,7 +44,7 @@ def environment(
     return Environment(
         simulator or GridSimulator(SimulatorConfig(name="grid", rays=720), mapping.sensor_range),
         mapping,
-        make_task(config),
+        make_goal(config),
         reward or RewardConfig(),
         max_steps,
         make_expert(config, mapping) if expert else None,

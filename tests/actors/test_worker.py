@@ -1,5 +1,6 @@
 """A worker in this process against a real learner's end on a real bus."""
 
+import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
@@ -9,6 +10,7 @@ import pytest
 from actors.options import ActorOptions
 from actors.worker import Worker
 from common.config.schema import BusConfig
+from common.errors import ConfigError
 from common.messages.experience import Chunk, EpisodeReport
 from tests.actors.learner_end import LearnerEnd, free_port
 
@@ -110,3 +112,63 @@ def test_a_learner_that_comes_back_is_served_again_and_a_new_configuration_taken
             steps = begun_anew()
             assert max(chunk.first_step + chunk.steps for chunk in steps) <= 3
             assert np.all([chunk.steps <= 3 for chunk in steps])
+
+
+FOREIGN = """
+import pathlib
+pathlib.Path(__file__).with_name("imported").touch()
+from dataclasses import replace
+from actors.simulators.grid import GridSimulator
+from common.tasks import EXPLORATION
+
+class Simulator(GridSimulator): ...
+TASK = replace(EXPLORATION, name="foreign-task")
+"""
+
+
+@pytest.fixture
+def foreign(tmp_path, monkeypatch):
+    """A module that Python finds on this machine, and that says when it is imported."""
+    (tmp_path / "foreign_code.py").write_text(FOREIGN)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr("common.tasks._loaded", {})
+    yield tmp_path / "imported"
+    sys.modules.pop("foreign_code", None)
+
+
+@pytest.mark.parametrize("evaluate", [False, True])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"simulator": {"name": "foreign_code:Simulator"}},
+        {"simulator": {"name": "grid"}, "task": {"name": "foreign_code:TASK"}},
+        {"maps": {"train": ["generator:foreign_code:Maze"], "validation": ["generator:foreign_code:Maze"]}},
+        {"families": [{"name": "a", "tasks": ["exploration", "foreign_code:TASK"]}]},
+    ],
+    ids=["simulator", "task", "maps", "families"],
+)
+def test_a_learner_cannot_make_an_actor_import_a_module(port, foreign, changes, evaluate):
+    with LearnerEnd(port, **changes) as learner:
+        bus = BusConfig(connect=(learner.endpoint,))
+        options = ActorOptions(name="desk-0", run="test", bus=bus, evaluate=evaluate)
+        with pytest.raises(ConfigError, match=r"foreign_code:.*start it with --allow MODULE:CLASS"):
+            Worker(options, threading.Event()).run()
+    assert not foreign.exists()
+    assert "foreign_code" not in sys.modules
+
+
+def test_an_actor_uses_the_modules_that_its_own_user_allows(port, foreign):
+    changes = {
+        "simulator": {"name": "foreign_code:Simulator"},
+        "task": {"name": "foreign_code:TASK", "max_steps": 3},
+    }
+    allow = ("foreign_code:Simulator", "foreign_code:TASK")
+    with LearnerEnd(port, **changes) as learner, Running(learner.endpoint, allow=allow):
+
+        def reports():
+            return [each.body for each in list(learner.deliveries) if isinstance(each.body, EpisodeReport)]
+
+        assert learner.wait_for(lambda: len(reports()) >= 1)
+        assert reports()[0].task == "foreign-task"
+        assert reports()[0].simulator == "foreign_code:Simulator"
+    assert foreign.exists()

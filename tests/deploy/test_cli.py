@@ -43,7 +43,7 @@ def test_config_prints_what_it_reads(tmp_path):
         (["config", "--profile", "husky"], "unknown profile 'husky'"),
         (["config", "--set", "decision.planer=x"], "did you mean 'decision.planner'"),
         (["bridge", "--planner", "nonsense"], "there is no planner 'nonsense'"),
-        (["bridge", "--goal", "1,2", "--planner", "greedy"], "does not do navigation"),
+        (["bridge", "--goal", "1,2", "--planner", "greedy"], "does exploration, not navigation"),
         (["bridge", "--planner", "greedy", "--policy", "x.safetensors"], "decision.policy is for hdplanner"),
         (["bridge", "--policy", "/nowhere/x.safetensors"], "cannot read the policy"),
         (["bridge", "--set", "safety.geofence=[[0,0],[2,2],[2,0],[0,2]]"], "sides do not cross"),

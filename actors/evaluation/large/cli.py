@@ -10,10 +10,11 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from actors.evaluation.options import ConfigFile, Overrides, ResultsPaths, TableFormat, TaskChoice, write_text
+from actors.evaluation.options import ConfigFile, Overrides, ResultsPaths, TableFormat, TaskName, write_text
 from actors.evaluation.progress import planner_list, progress_bars, run_and_show
 from common.cli import EXIT_ERROR, command_errors
 from common.logs import setup_logging
+from common.tasks import EXPLORATION, find_task
 
 app = typer.Typer()
 
@@ -34,7 +35,7 @@ def large(
         ),
     ],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results; made when missing.")],
-    task: Annotated[TaskChoice, typer.Option("--task", help="Exploration, or a tour.")] = TaskChoice.EXPLORATION,
+    task: TaskName = EXPLORATION.name,
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Number of worlds, from the first on.")] = 5,
     world: Annotated[
         str,
@@ -82,7 +83,7 @@ def large(
     console = Console(stderr=True)
     setup_logging("warning", console=console if console.is_terminal else None)
     own = [f"simulator.{name}={value}" for name, value in LIDAR.items()]
-    own += [f"task.max_steps={MAX_STEPS}", *(overrides or []), f"task.name={task.value}"]
+    own += [f"task.max_steps={MAX_STEPS}", *(overrides or []), f"task.name={task}"]
     if robot_radius is not None:
         own.append(f"mapping.robot_radius={robot_radius + TRACKING_ROOM if robot_radius > 0.0 else 0.0}")
     suited = suited_config([world], config, own, os.environ)
@@ -147,7 +148,7 @@ def large_plot(
 
     found = collect_large_results(results)
     written: list[Path] = []
-    if found[0].task == "exploration":
+    if not find_task(found[0].task).needs_target:
         written.append(out / f"volume.{suffix}")
         plots.plot_volume(found, written[-1])
     names = [episode.map for each in found for episode in each.episodes]

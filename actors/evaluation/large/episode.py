@@ -14,7 +14,7 @@ from actors.evaluation.large.tour import leg_world, tour_targets
 from actors.evaluation.omniscient import OmniscientReference
 from actors.evaluation.results import PLACES
 from actors.maps.grid_map import GridMap
-from actors.tasks import make_task
+from actors.tasks import make_goal
 from common.config.schema import RewardConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
@@ -87,6 +87,16 @@ class OnViewpoints:
         """Likewise."""
         return getattr(self._planner, "guarded", None)
 
+    @property
+    def name(self) -> str:
+        """Name of the planner."""
+        return self._planner.name
+
+    @property
+    def tasks(self) -> frozenset[TaskName]:
+        """Tasks of the planner."""
+        return self._planner.tasks
+
     def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
         """Begin an episode."""
         self._planner.reset(task, target, seed)
@@ -139,7 +149,7 @@ class EpisodeRunner:
             HDError: the world does not suit, or the planner broke the rules of the protocol.
         """
         self._simulator.begin(world)
-        if self._settings.task.name == "exploration":
+        if not self._settings.task.kind.needs_target:
             curve: list[tuple[float, float, float, float]] = []
             outcome, collisions = self._drive(planner, world, seed, steps, self._watch(tell, curve, 0.0))
             return self._whole(outcome, collisions, curve, [])
@@ -197,8 +207,8 @@ class EpisodeRunner:
         settings = self._settings
         environment = Environment(
             self._simulator,
-            mapping_for(planner, settings.task.name, settings.mapping),
-            make_task(settings.task),
+            mapping_for(planner, settings.asked_of(planner), settings.mapping),
+            make_goal(settings.task),
             RewardConfig(),
             settings.task.max_steps if steps is None else steps,
         )

@@ -15,10 +15,11 @@ from actors.evaluation.large.tour import leg_world
 from actors.evaluation.large.voxels import VoxelMap
 from actors.maps.grid_map import GridMap
 from actors.simulators.beams import BeamPattern
-from actors.tasks import make_task
+from actors.tasks import make_goal
 from actors.tasks.coverage import Coverage
 from common.geometry import Pose
 from common.mapping.belief import Belief
+from common.tasks import find_task
 
 # Tracks are chords at the lidar's rate and their scans are made upright; so much may differ.
 DISTANCE_SHARE: Final = 0.03
@@ -56,14 +57,14 @@ def recount(results: LargeResults, episode: LargeEpisode, world: GridMap) -> lis
     seen = _look(track, world, settings)
     if abs(seen.volume - episode.volume_m3) > VOLUME_SHARE * episode.volume_m3:
         problems.append(f"volume_m3 says {episode.volume_m3:.1f}, the scans show {seen.volume:.1f}")
-    if results.task == "exploration":
+    if not find_task(results.task).needs_target:
         explored = seen.coverage.explored
         if abs(explored - episode.explored_rate) > EXPLORED:
             problems.append(f"explored_rate says {episode.explored_rate:.4f}, the scans show {explored:.4f}")
-        task = make_task(settings.task)
-        task.reset(world)
+        goal = make_goal(settings.task)
+        goal.reset(world)
         doubtful = abs(seen.coverage.unseen_area - settings.task.unseen_area) < EXPLORED * world.free_area
-        if task.complete(seen.coverage, Pose(*track[-1, 1:3])) != episode.success and not doubtful:
+        if goal.complete(seen.coverage, Pose(*track[-1, 1:3])) != episode.success and not doubtful:
             problems.append(f"success says {str(episode.success).lower()}, the scans show otherwise")
     else:
         problems += _arrivals(episode, track, world, settings)
@@ -95,14 +96,14 @@ def _way(episode: LargeEpisode, track: NDArray[np.float64], world: GridMap, sett
 def _arrivals(episode: LargeEpisode, track: NDArray[np.float64], world: GridMap, settings: LargeSettings) -> list[str]:
     """Check that the robot was at the targets that it is said to have reached, in their order."""
     problems = []
-    task = make_task(settings.task)
+    goal = make_goal(settings.task)
     coverage = Coverage(world, settings.mapping.robot_radius)
     places = [Pose(x, y) for x, y in track[:, 1:3].tolist()]
     for number, leg in enumerate(episode.legs, 1):
         if not leg.success:
             continue
-        task.reset(leg_world(world, world.start, leg.target))
-        arrived = next((place for place, pose in enumerate(places) if task.complete(coverage, pose)), None)
+        goal.reset(leg_world(world, world.start, leg.target))
+        arrived = next((place for place, pose in enumerate(places) if goal.complete(coverage, pose)), None)
         if arrived is None:
             problems.append(f"target {number} is recorded as reached, but the track does not come to it in its turn")
         else:

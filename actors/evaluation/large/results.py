@@ -22,12 +22,14 @@ from actors.evaluation.results import (
     Record,
     Results,
     ResultsError,
+    TaskId,
     collect,
     read_record,
     write_record,
 )
 from actors.evaluation.worlds import WorldSet
 from actors.maps.grid_map import GridMap
+from common.registry import refuse_modules
 
 Count = Annotated[int, Field(ge=0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -109,7 +111,7 @@ class LargeResults(Record):
     """
 
     kind: Literal["large"] = "large"
-    task: Literal["exploration", "navigation"]
+    task: TaskId
     metres_per_pixel: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
     sensor_range_m: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
     planner: Name
@@ -207,9 +209,11 @@ def worlds_of(results: LargeResults, names: Sequence[str]) -> dict[str, GridMap]
 def settings_of(results: LargeResults) -> LargeSettings:
     """Return the settings that made a results file; `ResultsError` when they are none of this version."""
     try:
-        return LargeSettings.model_validate(results.settings)
+        settings = LargeSettings.model_validate(results.settings)
     except ValidationError as error:
         raise ResultsError(
             f"the settings of {results.planner!r} are none of this version ({error.errors()[0]['msg']}): "
             "use the version that made them"
         ) from error
+    refuse_modules(settings.named_parts(), (), f"the results file of {results.planner!r}", "install it as a package")
+    return settings

@@ -27,7 +27,7 @@ class LargeEvaluation(Evaluation):
     def _write_results(self, planner: str, commit: str, named: Sequence[tuple[str, Outcome]]) -> None:
         settings = self._large
         results = LargeResults(
-            task=settings.task.name,
+            task=settings.task.kind.name,
             metres_per_pixel=settings.metres_per_pixel,
             sensor_range_m=settings.mapping.sensor_range,
             planner=planner,

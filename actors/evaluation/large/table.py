@@ -11,6 +11,7 @@ from actors.evaluation.large.results import LargeEpisode, LargeResults, settings
 from actors.evaluation.results import ResultsError
 from actors.evaluation.statistics import compare, find, summarise
 from actors.evaluation.table import Rows, number
+from common.tasks import find_task
 
 
 def make_rows(found: Sequence[LargeResults], baseline: str | None) -> tuple[list[str], Rows]:
@@ -25,7 +26,7 @@ def make_rows(found: Sequence[LargeResults], baseline: str | None) -> tuple[list
     """
     plain = [results.plain() for results in found]
     reference = None if baseline is None else find(plain, baseline)
-    touring = found[0].task == "navigation"
+    touring = find_task(found[0].task).needs_target
     titles = ["planner", "tours" if touring else "worlds", "success"]
     titles += ["targets"] if touring else ["explored"]
     titles += ["distance [m]", "time [s]", "median [ms]", "p95 [ms]"]

@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
-
 from pydantic import ValidationError
 
 from actors.maps.generators.base import Generator
-from actors.maps.generators.building import Building
-from actors.maps.generators.forest import Forest
-from actors.maps.generators.hall import Hall
-from actors.maps.generators.office import Office
-from actors.maps.generators.rooms import Rooms
-from actors.maps.generators.tunnel import Tunnel
-from actors.maps.generators.warehouse import Warehouse
 from common.errors import MapError
+from common.extensions import GENERATORS
+from common.registry import did_you_mean
 
-__all__ = ["GENERATORS", "Generator", "make_generator", "warm_up"]
+__all__ = ["Generator", "find_generator", "make_generator", "warm_up"]
 
-GENERATORS: dict[str, type[Generator]] = {
-    kind.kind: kind for kind in (Rooms, Office, Warehouse, Forest, Tunnel, Hall, Building)
-}
+
+def find_generator(name: str) -> type[Generator]:
+    """Return the class of a generator by its name, or by MODULE:CLASS; MapError when there is none."""
+    kind = GENERATORS.load(name)
+    if not (isinstance(kind, type) and issubclass(kind, Generator)):
+        raise MapError(f"{name!r} is no generator: expected a subclass of actors.maps.generators.base.Generator")
+    return kind
 
 
 def make_generator(name: str, parameters: dict[str, str]) -> Generator:
     """Make a generator from its name and its parameters as text.
 
     Args:
-        name: a key of `GENERATORS`.
-        parameters: values by parameter name, as written in a specification.
+        name: as in a specification.
+        parameters: values by parameter name, as written there.
 
     Returns:
         The generator.
@@ -36,14 +33,13 @@ def make_generator(name: str, parameters: dict[str, str]) -> Generator:
     Raises:
         MapError: unknown name or parameter, or a value of the wrong type or outside its range.
     """
-    kind = GENERATORS.get(name)
-    if kind is None:
-        raise MapError(f"unknown generator '{name}'{_hint(name, list(GENERATORS))}: choose one of {_list(GENERATORS)}")
-    unknown = [key for key in parameters if key not in kind.model_fields]
+    kind = find_generator(name)
+    known = list(kind.model_fields)
+    unknown = [key for key in parameters if key not in known]
     if unknown:
         raise MapError(
-            f"generator:{name}: unknown parameter '{unknown[0]}'{_hint(unknown[0], list(kind.model_fields))}: choose "
-            f"from {_list(kind.model_fields)}"
+            f"generator:{name}: unknown parameter {unknown[0]!r}{did_you_mean(unknown[0], known)}: choose from "
+            f"{', '.join(sorted(known))}"
         )
     try:
         return kind.model_validate_strings(parameters)
@@ -57,15 +53,6 @@ def make_generator(name: str, parameters: dict[str, str]) -> Generator:
 
 
 def warm_up() -> None:
-    """Compile all kernels of generators, or load them from numba's cache, before processes start."""
-    for name in GENERATORS:
+    """Compile all kernels of shipped generators, or load them from numba's cache, before processes start."""
+    for name in GENERATORS.shipped:
         make_generator(name, {"width": "192", "height": "192"}).world(0)
-
-
-def _list(names: object) -> str:
-    return ", ".join(sorted(names))  # type: ignore[call-overload]
-
-
-def _hint(name: str, known: list[str]) -> str:
-    close = get_close_matches(name, known, n=1)
-    return f" (did you mean '{close[0]}'?)" if close else ""

@@ -9,7 +9,7 @@ from actors.evaluation.omniscient import OmniscientReference, known_part
 from actors.evaluation.route_graph import RouteGraph
 from actors.maps.generators import make_generator
 from actors.simulators.grid import GridSimulator
-from actors.tasks import make_task
+from actors.tasks import make_goal
 from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
 from common.errors import MapError
 from common.mapping.mapper import Mapper
@@ -36,7 +36,7 @@ def drive(world, mapping=MAPPING, simulator=SIMULATOR, planner=None, seed=0, **t
     config = TaskConfig(**{"unseen_area": 1.0, **task})
     reference = OmniscientReference(mapping, config, simulator, iterations=3000)
     environment = Environment(
-        GridSimulator(simulator, mapping.sensor_range), mapping, make_task(config), RewardConfig(), config.max_steps
+        GridSimulator(simulator, mapping.sensor_range), mapping, make_goal(config), RewardConfig(), config.max_steps
     )
     if planner is None:
         reference.prepare(world, seed)

@@ -10,7 +10,7 @@ from actors.evaluation.replay import recount
 from actors.evaluation.results import Results
 from actors.maps.sources import open_sources
 from actors.simulators.grid import GridSimulator
-from actors.tasks import make_task
+from actors.tasks import make_goal
 from common.config.schema import RewardConfig
 from common.planners.greedy import GreedyPlanner
 from tests.actors.evaluation.small import MAPS, results, settings
@@ -22,7 +22,7 @@ WORLD = open_sources([MAPS], 0.25, "exploration").world(0)
 @pytest.fixture(scope="module")
 def recorded() -> Results:
     simulator = GridSimulator(SETTINGS.simulator, 20.0)
-    environment = Environment(simulator, SETTINGS.mapping, make_task(SETTINGS.task), RewardConfig(), 128)
+    environment = Environment(simulator, SETTINGS.mapping, make_goal(SETTINGS.task), RewardConfig(), 128)
     outcome = run_episode(environment, GreedyPlanner(SETTINGS.mapping), WORLD, seed=0, time_limit=60.0)
     assert outcome.success
     return results().model_copy(update={"episodes": [outcome.result(WORLD.name)]})

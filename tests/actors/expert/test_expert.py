@@ -13,7 +13,7 @@ from actors.expert.true_graph import TrueGraph
 from actors.expert.visibility import look_from_all
 from actors.maps.sources import open_sources
 from actors.simulators.grid import GridSimulator
-from actors.tasks import make_task
+from actors.tasks import make_goal
 from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
 from common.errors import HDError
 from common.messages.experience import End
@@ -83,7 +83,7 @@ def test_the_expert_is_optimal_on_tiny_maps(world, unseen_area):
     env = Environment(
         GridSimulator(SimulatorConfig(name="grid", rays=720), 5.0),
         mapping,
-        make_task(task),
+        make_goal(task),
         RewardConfig(),
         64,
         make_expert(task, mapping),
@@ -120,7 +120,7 @@ def test_the_expert_is_never_worse_than_going_to_the_nearest_viewpoint():
     env = Environment(
         GridSimulator(SimulatorConfig(name="grid"), 20.0),
         mapping,
-        make_task(task),
+        make_goal(task),
         RewardConfig(),
         128,
         make_expert(task, mapping),
@@ -226,7 +226,7 @@ def test_the_expert_leads_a_robot_with_a_radius_through_doors(task):
     env = Environment(
         GridSimulator(SimulatorConfig(name="grid"), 8.0),
         mapping,
-        make_task(config),
+        make_goal(config),
         RewardConfig(),
         64,
         make_expert(config, mapping),
@@ -262,7 +262,7 @@ def test_several_tours_repeat_and_are_never_longer_than_one(monkeypatch):
     mapping, task = MappingConfig(), TaskConfig()
     expert = ExplorationExpert(mapping, task.unseen_area)
     simulator = GridSimulator(SimulatorConfig(name="grid"), 20.0)
-    env = Environment(simulator, mapping, make_task(task), RewardConfig(), 40, expert)
+    env = Environment(simulator, mapping, make_goal(task), RewardConfig(), 40, expert)
     world = open_sources(["generator:rooms"], 0.25, "exploration").world(3)
     plan = expert._tour
     gained = []

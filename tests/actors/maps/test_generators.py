@@ -7,11 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from actors.maps.connectivity import reachable
-from actors.maps.generators import GENERATORS, make_generator
+from actors.maps.generators import make_generator
 from actors.maps.grid_map import GridMap
 from common.errors import MapError
+from common.extensions import GENERATORS
 
-NAMES = sorted(GENERATORS)
+NAMES = sorted(GENERATORS.shipped)
 NEIGHBOURS = [(i, j) for j in range(-2, 3) for i in range(-2, 3) if abs(i) + abs(j) in (1, 2, 3)]
 SMALL = {"width": "256", "height": "208"}
 
@@ -180,7 +181,7 @@ def test_the_hall_is_130_by_100_metres() -> None:
 @pytest.mark.parametrize(
     ("name", "parameters", "message"),
     [
-        ("roms", {}, r"unknown generator 'roms' \(did you mean 'rooms'\?\): choose one of building, forest, hall"),
+        ("roms", {}, r"no generator 'roms' \(did you mean 'rooms'\?\); generators are: rooms, office"),
         ("rooms", {"widht": "320"}, r"unknown parameter 'widht' \(did you mean 'width'\?\): choose from height"),
         ("rooms", {"width": "wide"}, r"generator:rooms: width: .*valid integer.*got 'wide'"),
         ("rooms", {"width": "330"}, r"multiples of 16 px, got 330 x 480"),

@@ -2,10 +2,10 @@ from pathlib import Path
 
 import pytest
 
-from actors.maps.generators import GENERATORS
 from actors.maps.recommended import Recommendation, as_tree, joined, preset_names, read_folder, read_preset
 from actors.maps.sources import open_sources, recommended
 from common.errors import ConfigError, MapError
+from common.extensions import GENERATORS
 from tests.actors.maps.images import paint, simple
 from tests.actors.maps.ros_files import write_ros
 
@@ -65,7 +65,7 @@ def test_shipped_presets_are_sound_and_known_ones_are_there() -> None:
     floorplans = read_preset("floorplans").settings
     assert floorplans["mapping.robot_radius"] == 0.25 and floorplans["task.unseen_area"] == 5.0
     # Those that bear a generator's name say nothing of its scale or of what the robot is.
-    assert all(set(read_preset(name).settings) == {"task.max_steps"} for name in GENERATORS if name in names)
+    assert all(set(read_preset(name).settings) == {"task.max_steps"} for name in GENERATORS.shipped if name in names)
 
 
 def test_generators_take_the_preset_of_their_name() -> None:

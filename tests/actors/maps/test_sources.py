@@ -117,7 +117,7 @@ def test_wrong_sources_say_what_to_do(tmp_path: Path) -> None:
         (f"{single}#validation", "exploration", "no map of this folder falls into the split"),
         ("generator:office?", "exploration", None),
         ("generator:ofice", "exploration", "did you mean 'office'"),
-        ("generator:", "exploration", "unknown generator ''"),
+        ("generator:", "exploration", "no generator ''; generators are: rooms"),
         ("generator:rooms?width", "exploration", "expected key=value"),
         ("generator:rooms?seed=1&seed=2", "exploration", "'seed' is given twice"),
     ):

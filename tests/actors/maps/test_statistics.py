@@ -144,6 +144,6 @@ def test_commands(tmp_path: Path) -> None:
     )
     assert compared.exit_code == 0 and "| loops |" in compared.output
     wrong = runner.invoke(app, ["show", "generator:nope", "--out", str(sheet)])
-    assert wrong.exit_code == 1 and "unknown generator" in wrong.output
+    assert wrong.exit_code == 1 and "no generator 'nope'" in wrong.output
     missing = runner.invoke(app, ["show", small, "--out", str(tmp_path / "no" / "a.png")])
     assert missing.exit_code == 1 and "make it first" in missing.output

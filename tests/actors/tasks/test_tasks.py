@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from actors.tasks import ExplorationTask, NavigationTask, make_task
+from actors.tasks import ExplorationGoal, NavigationGoal, make_goal
 from actors.tasks.coverage import Coverage
 from common.config.schema import TaskConfig
 from common.errors import MapError
@@ -114,37 +114,37 @@ def test_the_place_lies_in_a_region_that_goes_round_something():
 
 def test_exploration_is_complete_at_the_tolerance():
     coverage = Coverage(WORLD)
-    task = make_task(TaskConfig(name="exploration", unseen_area=6.0))
-    task.reset(WORLD)
-    assert isinstance(task, ExplorationTask)
-    assert not task.complete(coverage, Pose(1.5, 3.5))
+    goal = make_goal(TaskConfig(name="exploration", unseen_area=6.0))
+    goal.reset(WORLD)
+    assert isinstance(goal, ExplorationGoal)
+    assert not goal.complete(coverage, Pose(1.5, 3.5))
     seen = np.zeros_like(WORLD.free)
     seen[2:4] = True
     coverage.update(belief(WORLD, seen), 0.5, (0.0, 0.0))
-    assert task.complete(coverage, Pose(1.5, 3.5))
+    assert goal.complete(coverage, Pose(1.5, 3.5))
 
 
 def test_navigation_is_complete_near_the_target():
-    task = make_task(TaskConfig(name="navigation", arrival_radius=1.6))
-    task.reset(WORLD)
-    assert isinstance(task, NavigationTask)
-    assert task.target == (3.5, 1.5)
+    goal = make_goal(TaskConfig(name="navigation", arrival_radius=1.6))
+    goal.reset(WORLD)
+    assert isinstance(goal, NavigationGoal)
+    assert goal.target == (3.5, 1.5)
     coverage = Coverage(WORLD)
-    assert task.complete(coverage, Pose(3.5, 3.0))
-    assert not task.complete(coverage, Pose(3.5, 3.2))
-    assert task.progress(Pose(3.5, 3.5)) == pytest.approx(2.0)
+    assert goal.complete(coverage, Pose(3.5, 3.0))
+    assert not goal.complete(coverage, Pose(3.5, 3.2))
+    assert goal.progress(Pose(3.5, 3.5)) == pytest.approx(2.0)
 
 
 def test_navigation_is_complete_inside_the_marker():
     region = np.zeros_like(WORLD.free)
     region[2:8, 2:4] = True
-    task = NavigationTask(arrival_radius=0.1)
-    task.reset(dataclasses.replace(WORLD, target_region=region))
+    goal = NavigationGoal(TaskConfig(arrival_radius=0.1))
+    goal.reset(dataclasses.replace(WORLD, target_region=region))
     coverage = Coverage(WORLD)
-    assert task.complete(coverage, Pose(1.2, 3.7))
-    assert not task.complete(coverage, Pose(2.2, 3.7))
+    assert goal.complete(coverage, Pose(1.2, 3.7))
+    assert not goal.complete(coverage, Pose(2.2, 3.7))
 
 
 def test_navigation_needs_a_target():
     with pytest.raises(MapError, match="no target"):
-        NavigationTask(1.6).reset(dataclasses.replace(WORLD, target=None))
+        NavigationGoal(TaskConfig(arrival_radius=1.6)).reset(dataclasses.replace(WORLD, target=None))

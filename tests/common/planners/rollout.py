@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
 from actors.simulators.grid import GridSimulator
-from actors.tasks import make_task
+from actors.tasks import make_goal
 from actors.tasks.coverage import Coverage
 from common.config.schema import MappingConfig, SimulatorConfig, TaskConfig
 from common.geometry import Pose
@@ -80,7 +80,7 @@ def drive(
     simulator = GridSimulator(SimulatorConfig(name="grid", rays=rays), config.sensor_range)
     pose = simulator.reset(world, seed)
     bounds = (*world.origin, world.origin[0] + world.size[0], world.origin[1] + world.size[1])
-    judge, coverage = make_task(task), Coverage(world, config.robot_radius)
+    judge, coverage = make_goal(task), Coverage(world, config.robot_radius)
     judge.reset(world)
     mapper = Mapper(
         config, lattice_origin=world.lattice_origin, bounds=bounds if bounded else None, target=judge.target

@@ -5,7 +5,7 @@ import pytest
 from actors.environment import Environment
 from actors.maps.generators import make_generator
 from actors.simulators.grid import GridSimulator
-from actors.tasks import make_task
+from actors.tasks import make_goal
 from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
 from common.mapping.mapper import Mapper
 from common.messages.experience import End
@@ -20,7 +20,7 @@ MAPPING = MappingConfig()
 
 def environment_in(name: str, number: int, task: TaskName = "exploration") -> Environment:
     simulator = GridSimulator(SimulatorConfig(name="grid", rays=360), MAPPING.sensor_range)
-    environment = Environment(simulator, MAPPING, make_task(TaskConfig(name=task)), RewardConfig(), 200)
+    environment = Environment(simulator, MAPPING, make_goal(TaskConfig(name=task)), RewardConfig(), 200)
     environment.reset(make_generator(name, {}).world(number, 0.25), 0, on_lattice=False)
     return environment
 

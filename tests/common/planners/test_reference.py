@@ -8,7 +8,7 @@ import pytest
 from actors.environment import Environment
 from actors.maps.generators import make_generator
 from actors.simulators.grid import GridSimulator
-from actors.tasks import make_task
+from actors.tasks import make_goal
 from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
 from common.messages.experience import End
 from common.planners.reference import ReferenceRoute
@@ -21,7 +21,7 @@ def test_following_the_route_completes_the_task(task: str) -> None:
     world = make_generator("rooms", {"width": "320", "height": "240"}).world(3, 0.25)
     simulator = GridSimulator(SimulatorConfig(name="grid", rays=360), mapping.sensor_range)
     reference = ReferenceRoute(mapping)
-    environment = Environment(simulator, mapping, make_task(config), RewardConfig(), 128, reference=reference)
+    environment = Environment(simulator, mapping, make_goal(config), RewardConfig(), 128, reference=reference)
     observation = environment.reset(world, 0)
     routes = 0
     while environment.end is End.NONE:
@@ -45,7 +45,7 @@ def test_an_observation_without_a_reference_has_no_route() -> None:
     mapping = MappingConfig()
     world = make_generator("rooms", {"width": "320", "height": "240"}).world(3, 0.25)
     simulator = GridSimulator(SimulatorConfig(name="grid", rays=360), mapping.sensor_range)
-    environment = Environment(simulator, mapping, make_task(TaskConfig()), RewardConfig(), 8)
+    environment = Environment(simulator, mapping, make_goal(TaskConfig()), RewardConfig(), 8)
     observation = environment.reset(world, 0)
     assert len(observation.route) == 0
     assert (observation.cell, observation.reach) == (0.0625, 5.0)

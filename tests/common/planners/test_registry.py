@@ -4,7 +4,7 @@ import pytest
 
 from common.config.schema import MappingConfig
 from common.errors import ConfigError
-from common.planners.registry import make_planner, planner_names, planner_summary, planner_tasks
+from common.planners.registry import PLANNERS, make_planner, planner_names, shipped_tasks_of
 
 
 def test_names_by_task() -> None:
@@ -17,15 +17,15 @@ def test_names_by_task() -> None:
 
 def test_every_name_has_a_summary_and_tasks() -> None:
     for name in planner_names():
-        assert planner_summary(name)
-        assert planner_tasks(name)
+        assert PLANNERS.summary(name)
+        assert shipped_tasks_of(name)
 
 
 @pytest.mark.parametrize("name", ["nearest", "greedy", "nbvp", "dsvp", "tour"])
 def test_made_planners_carry_their_name_and_tasks(name: str) -> None:
     planner = make_planner(name, MappingConfig())
     assert planner.name == name
-    assert planner.tasks == planner_tasks(name)
+    assert planner.tasks == shipped_tasks_of(name)
 
 
 def test_unknown_name_is_met_with_a_suggestion() -> None:

@@ -94,3 +94,31 @@ def test_a_run_of_the_other_task_is_refused(caplog):
 def test_a_run_without_an_endpoint_is_refused():
     with pytest.raises(ConfigError, match="live_connect"):
         LivePolicy(settings(decision={"live_run": "office"}, mapping=MAPPING))
+
+
+def test_a_learner_cannot_make_a_robot_import_a_module(caplog):
+    bus = loopback()
+    run = load_config(overrides=[*SMALL, "task.name=foreign_code:TASK"])
+    with (
+        LivePolicy(follow(bus)) as live,
+        open_learner_session(bus) as session,
+        SpecServer(session, Spec("office", 5, run.model_dump_json())),
+    ):
+        assert eventually(lambda: "names the task 'foreign_code:TASK'" in caplog.text)
+        assert live.version == -1
+    assert "No module named" not in caplog.text
+
+
+def test_a_run_in_somebodys_own_simulator_can_be_followed():
+    bus = loopback()
+    config = follow(bus)
+    run = load_config(overrides=[*SMALL, "simulator.name=foreign_code:Simulator", "maps.train=generator:foreign:Maze"])
+    team = make_team(config)
+    with (
+        LivePolicy(config) as live,
+        open_learner_session(bus) as session,
+        SpecServer(session, Spec("office", 5, run.model_dump_json())),
+        WeightsPublisher(session, "office") as publisher,
+    ):
+        publisher.publish(weights(run, 1))
+        assert eventually(lambda: live.refresh(team) or live.version == 1)

@@ -124,3 +124,16 @@ def test_the_viewer_asks_for_its_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(RecordingError, match=r"hdplanner\[rerun\]"):
         Viewer()
+
+
+def test_a_recording_cannot_make_a_replay_import_a_module(messages, settings, tmp_path):
+    decision = settings.decision.model_copy(update={"planner": "foreign_code:Planner"})
+    named = settings.model_copy(update={"decision": decision})
+    bag = write(tmp_path / "foreign", messages, named)
+    refused = CliRunner().invoke(app, ["replay", str(bag)])
+    assert refused.exit_code == 1
+    assert "names the planner 'foreign_code:Planner' (decision.planner), which is code" in refused.output
+    # Named by the user it is looked for.
+    looked_for = CliRunner().invoke(app, ["replay", str(bag), "--planner", "foreign_code:Planner"])
+    assert "No module named 'foreign_code'" in looked_for.output
+    assert CliRunner().invoke(app, ["replay", str(bag), "--planner", "greedy"]).exit_code == 0
