@@ -94,6 +94,7 @@ class Environment:
         corners: those of the positions, by number, at which nothing was decided: corners of ways that are not straight.
         distance: travelled metres, the way to the first viewpoint included.
         steps: decisions taken.
+        max_steps: decisions before the episode is truncated.
         collisions: contacts with the world.
         total_reward: sum of the rewards.
         mapping_seconds: processor time that the mapper took for the scans since the last decision, seconds.
@@ -129,7 +130,7 @@ class Environment:
         self._simulator = simulator
         self.mapping = mapping
         self._reward = reward
-        self._max_steps = max_steps
+        self.max_steps = max_steps
         self._expert = expert
         self._reference = reference
         self.end = End.TRUNCATED
@@ -295,7 +296,7 @@ class Environment:
             self.reason = "target unreachable" if unreachable else "nothing useful left"
         elif self._on_lattice and len(self._waypoints) == 0:
             self.end, self.reason = End.TERMINAL, "stuck"
-        elif self.steps >= self._max_steps:
+        elif self.steps >= self.max_steps:
             self.end, self.reason = End.TRUNCATED, "step limit"
         if self._reference is not None and self._on_lattice and self.end is not End.TERMINAL:
             self._observation = self._reference.observe(self.mapper, self.pose)

@@ -19,7 +19,7 @@ from dataclasses import asdict
 from typing import Any, ClassVar
 
 from actors.environment import Environment
-from actors.evaluation.episode import Outcome, Place, Tell, crashed, run_episode, tell_nobody
+from actors.evaluation.episode import Decider, Outcome, Place, Tell, crashed, run_episode, tell_nobody
 from actors.evaluation.omniscient import OmniscientReference
 from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.worlds import WorldSet
@@ -46,6 +46,9 @@ class Worker:
     Args:
         settings: of the evaluation.
         tell: called with events as `run_episode` describes them.
+
+    Attributes:
+        worlds: of the evaluation.
     """
 
     outcome_kind: ClassVar[type[Outcome]] = Outcome
@@ -53,7 +56,7 @@ class Worker:
     def __init__(self, settings: EvaluationSettings, tell: Tell) -> None:
         self._settings = settings
         self._tell = tell
-        self._worlds = WorldSet.open(settings.maps, settings.task.name, settings.metres_per_pixel, settings.limit)
+        self.worlds = WorldSet.open(settings.maps, settings.task.name, settings.metres_per_pixel, settings.limit)
         self._simulator = self._make_simulator()
         self._planners: dict[str, Planner | OmniscientReference] = {}
 
@@ -68,13 +71,17 @@ class Worker:
 
         try:
             decider = self._planner(planner)
-            world = self._worlds.load(number)
+            world = self.worlds.load(number)
             return self._episode(decider, world, self._settings.episode_seed(number), tell)
         except HDError as error:
             return crashed(places, f"{error}", self.outcome_kind)
         except Exception as error:  # noqa: BLE001 - one planner's fault must not end the other episodes
             log.error("planner %s in world %d:\n%s", planner, number, traceback.format_exc().rstrip())
             return crashed(places, f"{type(error).__name__}: {error}", self.outcome_kind)
+
+    def attempt(self, planner: Decider, number: int) -> Outcome:
+        """Run the episode of a planner that was made elsewhere in world `number`; what goes wrong is the caller's."""
+        return self._episode(planner, self.worlds.load(number), self._settings.episode_seed(number), tell_nobody)
 
     def close(self) -> None:
         """Release the simulator."""
@@ -98,9 +105,7 @@ class Worker:
             self._planners[name] = made
         return self._planners[name]
 
-    def _episode(
-        self, planner: Planner | OmniscientReference, world: GridMap, seed: int, tell: Tell, steps: int | None = None
-    ) -> Outcome:
+    def _episode(self, planner: Decider, world: GridMap, seed: int, tell: Tell, steps: int | None = None) -> Outcome:
         settings = self._settings
         environment = Environment(
             self._simulator,

@@ -26,7 +26,7 @@ def test_a_results_file_has_the_published_format_and_reads_back(tmp_path):
     ("change", "word"),
     [
         ({"units": "m"}, "units"),
-        ({"task": "cooking"}, "task"),
+        ({"task": "my_module:TASK"}, "task"),
         ({"metres_per_pixel": 0}, "metres_per_pixel"),
         ({"episodes": [{}]}, "episodes.0"),
     ],

@@ -58,7 +58,7 @@ def test_where_the_policy_is_out_of_its_depth_a_classical_planner_decides(task: 
     environment = environment_in("office", 5_000_001, task)
     learned, planner = LearnedPlanner(MAPPING), make_planner(classical, MAPPING)
     for each in (learned, planner):
-        each.reset(task, environment.task.target, 0)
+        each.reset(task, environment.goal.target, 0)
     for decision in range(1, 13):
         plan, expected = (each.plan(environment.mapper, environment.pose) for each in (learned, planner))
         assert plan.waypoint == expected.waypoint is not None

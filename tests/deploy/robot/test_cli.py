@@ -45,7 +45,7 @@ def test_a_wrong_option_is_named_as_it_was_written():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--map", "generator:castle"], "unknown generator"),
+        (["--map", "generator:castle"], "no generator"),
         (["--map", "/nowhere"], "no such folder"),
         (["--profile", "spot"], "spot"),
         (["--listen", "carrier-pigeon"], "carrier-pigeon"),

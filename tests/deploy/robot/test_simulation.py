@@ -130,7 +130,7 @@ def test_a_world_is_moved_to_where_the_robot_starts():
 
 
 def test_an_unknown_world_is_one_clear_error():
-    with pytest.raises(MapError, match="unknown generator"):
+    with pytest.raises(MapError, match="no generator"):
         load_world(RobotOptions(map="generator:castle"))
     with pytest.raises(MapError, match=r"nowhere\.png"):
         load_world(RobotOptions(map="nowhere.png"))
