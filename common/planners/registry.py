@@ -10,7 +10,6 @@ from common.config.schema import MappingConfig
 from common.errors import ConfigError, HDError
 from common.planners.base import Planner
 from common.registry import Entry, Registry, did_you_mean
-from common.tasks import Task
 
 _MEMBERS: Final = ("name", "tasks", "reset", "plan")
 
@@ -95,13 +94,6 @@ def make_planner(name: str, config: MappingConfig, **settings: Any) -> Planner:
     if missing:
         raise ConfigError(f"{name!r} is no planner, it has no {', '.join(missing)}: see common.planners.base.Planner")
     return cast(Planner, made)
-
-
-def check_planner(name: str, task: Task) -> None:
-    """Raise ConfigError for a planner that does not exist, or ships and cannot do a task; nothing is imported."""
-    PLANNERS.check(name)
-    if name in PLANNERS.shipped:
-        task.asked_of(name, shipped_tasks_of(name))
 
 
 def _check_settings(name: str, factory: Any, settings: dict[str, Any]) -> None:

@@ -9,7 +9,7 @@ from common.errors import ConfigError, HDError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Planner, Position, TaskName, mapping_for
-from common.planners.registry import check_planner, make_planner
+from common.planners.registry import make_planner
 from common.tasks import NAVIGATION, find_task
 from deploy.config import DeployConfig
 
@@ -158,12 +158,8 @@ def make_team(config: DeployConfig, main: Planner | None = None) -> PlannerTeam:
                 f"decision.policy is for hdplanner, not {decision.planner!r}: set decision.planner=hdplanner"
             )
         settings["policy"] = decision.policy
-    fallback = decision.fallback or task.fallback
-    for name in (decision.planner, fallback):
-        check_planner(name, task)
-    return PlannerTeam(
-        main or make_planner(decision.planner, config.mapping, **settings),
-        make_planner(fallback, config.mapping),
-        make_planner(HOME_PLANNER, config.mapping),
-        decision.relief,
-    )
+    main = main or make_planner(decision.planner, config.mapping, **settings)
+    fallback = make_planner(decision.fallback or task.fallback, config.mapping)
+    for planner in (main, fallback):
+        task.asked_of(planner.name, planner.tasks)
+    return PlannerTeam(main, fallback, make_planner(HOME_PLANNER, config.mapping), decision.relief)
