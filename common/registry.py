@@ -18,13 +18,13 @@ from __future__ import annotations
 
 import difflib
 import logging
+import os
 import re
 import sys
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from common.errors import ConfigError, HDError
@@ -96,7 +96,11 @@ class Registry:
         self.check(name)
         if name in self.shipped:
             return load_path(self.shipped[name].path)
-        path = name if is_module_path(name) else self._installed()[name].value
+        path = name
+        if is_module_path(name):
+            _look_here()
+        else:
+            path = self._installed()[name].value
         try:
             return load_path(path)
         except ConfigError as error:
@@ -147,16 +151,12 @@ def is_module_path(name: str) -> bool:
 
 
 def load_path(path: str) -> Any:
-    """Import MODULE:NAME; a module of the current folder is found too, after all installed ones.
+    """Import MODULE:NAME.
 
     Raises:
         ConfigError: the module cannot be imported, or has no such name.
     """
     module, _, names = path.partition(":")
-    here = str(Path.cwd())
-    # At the end: a folder that holds a package called `common` must not come before ours.
-    if here not in sys.path:
-        sys.path.append(here)
     try:
         found: Any = import_module(module)
         for name in names.split("."):
@@ -191,6 +191,14 @@ def did_you_mean(word: str, known: Collection[str]) -> str:
     """Return a hint at the nearest known word, with a space before it; empty where none is near."""
     close = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.5)
     return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+def _look_here() -> None:
+    """Let modules of the current folder be found, as the commands of an installed package do not by themselves."""
+    here = os.path.realpath(os.curdir)
+    # At the end: a folder that holds a package called `common` must not come before ours.
+    if here not in sys.path:
+        sys.path.append(here)
 
 
 def _owner(point: EntryPoint) -> str:

@@ -127,7 +127,7 @@ TASKS: Final = Registry(
 )
 """All tasks by name."""
 
-# Tasks that were loaded as MODULE:CLASS: reports and planners call them by their own names.
+# Tasks by the names that they were asked for, and by their own: reports and planners call them by these.
 _loaded: dict[str, Task] = {}
 
 
@@ -146,5 +146,5 @@ def find_task(name: str) -> Task:
         known = _loaded.get(task.name) or (find_task(task.name) if task.name in TASKS.names() else task)
         if known != task:
             raise ConfigError(f"task {name!r} calls itself {task.name!r}, which is another task: rename it")
-        _loaded[task.name] = task
+    _loaded[name] = _loaded[task.name] = task
     return task

@@ -5,7 +5,7 @@ from actors.cli import app, free_names
 from actors.options import ActorOptions, host_name
 from common.config.schema import BusConfig, RunConfig
 from common.ids import check_id
-from tests.actors.learner_end import free_port
+from tests.actors.learner_end import LearnerEnd, free_port
 
 
 @pytest.mark.parametrize(
@@ -50,3 +50,19 @@ def test_an_actors_own_choices_win():
     assert evaluator.apply(config).maps.train == ("x",)
     assert evaluator.apply(config).maps.validation == ("generator:rooms",)
     assert ActorOptions.model_validate_json(options.model_dump_json()) == options
+
+
+def test_a_run_that_names_modules_is_refused_before_a_process_starts():
+    with LearnerEnd(free_port(), simulator={"name": "foreign_code:Simulator"}) as learner:
+        for number in ("1", "2"):
+            result = CliRunner().invoke(app, ["--num", number, "--connect", learner.endpoint])
+            assert result.exit_code == 1
+            assert "names the simulator 'foreign_code:Simulator'" in result.output
+            assert "--allow MODULE:CLASS" in result.output
+        assert not learner.presence.present() - {("learner", "learner")}
+
+
+def test_an_unknown_simulator_is_named():
+    result = CliRunner().invoke(app, ["--sim", "gird"])
+    assert result.exit_code == 1
+    assert "no simulator 'gird' (did you mean 'grid'?)" in result.output
