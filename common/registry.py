@@ -78,7 +78,7 @@ class Registry:
             return
         if ":" in name:
             raise self._error(
-                f"{name!r} names no {self.word}: expected MODULE:CLASS with the words of an import, such as "
+                f"{name!r} names no {self.word}: expected MODULE:CLASS, such as "
                 f"my_package.my_module:My{self.word.capitalize()}"
             )
         known = self.names()
@@ -95,7 +95,8 @@ class Registry:
         """
         self.check(name)
         if name in self.shipped:
-            return load_path(self.shipped[name].path)
+            # What it lacks, such as an extra that is not installed, it says itself.
+            return _imported(self.shipped[name].path)
         path = name
         if is_module_path(name):
             _look_here()
@@ -156,18 +157,15 @@ def load_path(path: str) -> Any:
     Raises:
         ConfigError: the module cannot be imported, or has no such name.
     """
-    module, _, names = path.partition(":")
     try:
-        found: Any = import_module(module)
-        for name in names.split("."):
-            found = getattr(found, name)
+        return _imported(path)
     except (ImportError, AttributeError) as error:
-        raise ConfigError(f"{error} (it is to be MODULE:CLASS, importable from here)") from error
+        raise ConfigError(f"{error} (expected MODULE:CLASS that can be imported here)") from error
     except HDError:
         raise
     except Exception as error:
+        module = path.partition(":")[0]
         raise ConfigError(f"importing module {module} fails with {type(error).__name__}: {error}") from error
-    return found
 
 
 def refuse_modules(parts: Iterable[NamedPart], allowed: Collection[str], source: str, remedy: str) -> None:
@@ -191,6 +189,14 @@ def did_you_mean(word: str, known: Collection[str]) -> str:
     """Return a hint at the nearest known word, with a space before it; empty where none is near."""
     close = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.5)
     return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+def _imported(path: str) -> Any:
+    module, _, names = path.partition(":")
+    found: Any = import_module(module)
+    for name in names.split("."):
+        found = getattr(found, name)
+    return found
 
 
 def _look_here() -> None:

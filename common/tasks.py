@@ -141,7 +141,9 @@ def find_task(name: str) -> Task:
         return _loaded[name]
     task = TASKS.load(name)
     if not isinstance(task, Task):
-        raise ConfigError(f"{name!r} is no task but a {type(task).__name__}: expected a common.tasks.Task")
+        raise ConfigError(
+            f"{name!r} is no task: expected a common.tasks.Task, got an object of type {type(task).__name__}"
+        )
     if task.name != name:
         known = _loaded.get(task.name) or (find_task(task.name) if task.name in TASKS.names() else task)
         if known != task:

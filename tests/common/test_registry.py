@@ -91,7 +91,7 @@ def test_errors_list_what_exists_and_how_to_name_ones_own(tmp_path, monkeypatch,
         ConfigError, match=r"no planner 'tuor' \(did you mean 'tour'\?\); planners are: tour, or MODULE"
     ):
         registry.load("tuor")
-    with pytest.raises(ConfigError, match="expected MODULE:CLASS with the words of an import"):
+    with pytest.raises(ConfigError, match="expected MODULE:CLASS, such as my_package.my_module:MyPlanner"):
         registry.load("my planner.py:Mine")
     with pytest.raises(ConfigError, match="cannot load planner 'nowhere:Mine': No module named 'nowhere'"):
         registry.load("nowhere:Mine")

@@ -56,7 +56,7 @@ def test_a_task_of_ones_own_is_known_by_its_own_name_once_it_was_loaded(module):
         find_task(f"{module}:ANOTHER")
     with pytest.raises(ConfigError, match="calls itself 'exploration', which is another task"):
         find_task(f"{module}:FALSE")
-    with pytest.raises(ConfigError, match="is no task but a object"):
+    with pytest.raises(ConfigError, match="is no task: expected a common.tasks.Task, got an object of type object"):
         find_task(f"{module}:NONE")
 
 
