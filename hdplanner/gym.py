@@ -115,7 +115,7 @@ class PlanningEnv(gymnasium.Env[Arrays, NDArray[np.int64]]):
 
         Args:
             seed: of worlds and simulator.
-            options: ``{"world": 3}`` begins in world number 3 of the (first) source.
+            options: ``{"world": 3}`` begins in world number 3 of the first family's sources.
 
         Raises:
             HDError: no world of the source can be used, or the graph has more viewpoints or edges than there is room.
@@ -177,11 +177,13 @@ class PlanningEnv(gymnasium.Env[Arrays, NDArray[np.int64]]):
 
     def _begin(self, number: int | None) -> bool:
         """Begin an episode; return whether there is anything to decide in it."""
-        arena = self._arenas[int(self.np_random.choice(len(self._arenas), p=self._shares))]
-        self._stage = arena.draw(self.np_random) if number is None else arena.fixed(number)
+        if number is None:
+            arena = self._arenas[int(self.np_random.choice(len(self._arenas), p=self._shares))]
+            self._stage, seed = arena.draw(self.np_random), int(self.np_random.integers(2**31))
+        else:
+            self._stage, seed = self._arenas[0].fixed(number), number
         environment = self._stage.environment
-        seed = int(self.np_random.integers(2**31))
-        self._observation = environment.reset(self._stage.world, seed if number is None else number)
+        self._observation = environment.reset(self._stage.world, seed)
         self._decisions, self._limit = 0, environment.max_steps
         return environment.end is End.NONE
 
