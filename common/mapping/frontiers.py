@@ -145,6 +145,7 @@ class Frontiers:
         self._mask = np.zeros(padded.shape, dtype=np.bool_)
         self._added = np.empty(padded.size, dtype=np.int32)
         self._removed = np.empty(padded.size, dtype=np.int32)
+        self._flat: NDArray[np.int64] | None = None
 
     @property
     def mask(self) -> NDArray[np.bool_]:
@@ -155,6 +156,13 @@ class Frontiers:
     def padded_mask(self) -> NDArray[np.bool_]:
         """Frontier cells of the padded grid, bool."""
         return self._mask
+
+    @property
+    def flat(self) -> NDArray[np.int64]:
+        """Flat indices of the frontier cells in the padded grid, ascending; found once an update."""
+        if self._flat is None:
+            self._flat = np.flatnonzero(self._mask)
+        return self._flat
 
     def update(
         self,
@@ -177,4 +185,6 @@ class Frontiers:
             padded, self._settled, self._mask, self._passages, self._spans, *changed, self._added, self._removed,
             layout, dirty, beside,
         )  # fmt: skip
+        if added or removed:
+            self._flat = None
         return FrontierChanges(self._added[:added], self._removed[:removed], (lost[0], lost[1], lost[2], lost[3]))

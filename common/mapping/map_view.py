@@ -90,8 +90,8 @@ class MapView:
     @property
     def frontiers(self) -> NDArray[np.float64]:
         """Centres of all frontier cells, row-major, metres, shape (m, 2)."""
-        rows, columns = np.nonzero(self._frontiers.mask)
-        return np.stack([columns + 0.5, rows + 0.5], axis=1) * self.belief.resolution + self._origin
+        rows, columns = np.divmod(self._frontiers.flat, self.belief.padded.shape[1])
+        return np.stack([columns - 0.5, rows - 0.5], axis=1) * self.belief.resolution + self._origin
 
     def sightings(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
         """Return which frontier cells each viewpoint of the last update observes: in range and in line of sight.
@@ -100,8 +100,7 @@ class MapView:
             Sparse rows by node number: the first entry of each, int64, shape (n + 1,), and the entries, places in
             `frontiers`, ascending within a row, int32.
         """
-        frontiers = np.flatnonzero(self._frontiers.padded_mask)
-        return self._utility.sightings(frontiers, self._numbers, len(self._order))
+        return self._utility.sightings(self._frontiers.flat, self._numbers, len(self._order))
 
     @property
     def clear(self) -> ClearGrid:

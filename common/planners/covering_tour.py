@@ -55,11 +55,11 @@ class CoveringTourPlanner(ViewpointPlanner):
       anew.
     - Each neighbour of the robot's viewpoint is then priced: the way there and the tour that remains from there, the
       stops left out whose cells it sees itself. The robot goes to the cheapest one.
-    - Remainders wait: clusters of frontier cells that are shorter than `min_frontier`, and viewpoints that could show
-      less than `min_gain` of unknown area. Most of them are slivers along walls and behind furniture that hold nothing
-      or so little that an exploration is complete without them. They are taken along where they lie on the way, at
-      most `detour` each; else in a large building one returns for them in the end. What is left when nothing else is,
-      is toured like the rest.
+    - Remainders wait: clusters of fewer frontier cells than `min_frontier`, and viewpoints that could show less than
+      `min_gain` of unknown area. Most of them are slivers along walls and behind furniture that hold nothing or so
+      little that an exploration is complete without them. They are taken along where they lie on the way, at most
+      `detour` each; else in a large building one returns for them in the end. What is left when nothing else is, is
+      toured like the rest.
     - It ends: a viewpoint is a stop no more once the robot has scanned from there, and a robot that comes back to one
       without having seen anything new keeps its tour until it has (see `HeldTour`).
     """
@@ -71,9 +71,9 @@ class CoveringTourPlanner(ViewpointPlanner):
         config: MappingConfig,
         *,
         cover_range: float | None = None,
-        min_frontier: float = 1.5,
+        min_frontier: int = 6,
         min_remainder: float = 0.5,
-        min_gain: float = 2.0,
+        min_gain: float = 4.0,
         detour: float = 2.0,
     ) -> None:
         """Set up.
@@ -82,8 +82,10 @@ class CoveringTourPlanner(ViewpointPlanner):
             config: the mapping that the planner will be given.
             cover_range: frontiers are covered from up to here, metres; 0.8 of the sensor range when not given. A
                 frontier at the very end of the range would tell nothing new from there.
-            min_frontier: a cluster of frontier cells that is shorter waits, metres.
-            min_remainder: one that is shorter than this is not even taken along, metres.
+            min_frontier: a cluster of fewer frontier cells waits. It counts cells, not metres: what beams leave between
+                them are a few cells at any resolution, and a door of 0.8 m, which is three cells of 0.25 m, is eight
+                of 0.1 m.
+            min_remainder: a cluster that is shorter than this is not even taken along, metres.
             min_gain: a viewpoint from where less unknown area can be in sight waits, square metres.
             detour: metres that a stop for what waits may add to the tour.
 
@@ -102,7 +104,7 @@ class CoveringTourPlanner(ViewpointPlanner):
             if not value >= 0.0:
                 raise ConfigError(f"planner 'tour': {setting} must be at least 0, got {value}")
         self._cover_range = min(cover_range, config.observable_range)
-        self._min_frontier = min_frontier / config.resolution
+        self._min_frontier = min_frontier
         self._min_remainder = min_remainder / config.resolution
         self._min_gain = min_gain
         self._detour = detour
@@ -146,7 +148,7 @@ class CoveringTourPlanner(ViewpointPlanner):
                 tour = _Tour(mapper, rows, labels, viewpoints, wanted, allowed, wanted | extra)
                 stops = tour.solve(self._last, self._detour)
                 if stops:
-                    self._last = _keys(positions[stops])
+                    self._last = _keys(positions[stops]).tolist()
                     return stops
         return []
 
@@ -159,8 +161,8 @@ class CoveringTourPlanner(ViewpointPlanner):
         """
         nodes = np.flatnonzero(allowed & _see_any(rows, wanted))
         positions = mapper.viewpoints[nodes]
-        keys = _keys(positions)
-        views = _digests(*rows, nodes, np.array(_keys(mapper.frontiers), dtype=np.int64)).tolist()
+        keys = _keys(positions).tolist()
+        views = _digests(*rows, nodes, _keys(mapper.frontiers)).tolist()
         known = self._gains
         new = [k for k, (key, view) in enumerate(zip(keys, views, strict=True)) if known.get(key, _NEVER)[0] != view]
         measured = unknown_in_sight(mapper, positions[new], self.config.sensor_range, RAYS)
@@ -227,7 +229,7 @@ class _Tour:
         if not self.allowed.any():
             return []
         viewpoints = np.flatnonzero(self.allowed)
-        places = dict(zip(_keys(self.positions[viewpoints]), viewpoints.tolist(), strict=True))
+        places = dict(zip(_keys(self.positions[viewpoints]).tolist(), viewpoints.tolist(), strict=True))
         kept = np.array([places[each] for each in last if each in places], dtype=np.int64)
         stops = self._cover(_NO_STOPS)
         if len(kept):
@@ -339,7 +341,7 @@ def _see_any(rows: _Rows, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(counts[pointer[1:]] > counts[pointer[:-1]])
 
 
-def _keys(positions: NDArray[np.float64]) -> list[int]:
+def _keys(positions: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return a number for each position that tells places a millimetre apart, whatever the update."""
     millimetres = np.rint(positions * 1e3).astype(np.int64)
-    return [int(key) for key in (millimetres[:, 0] << 32) + millimetres[:, 1]]
+    return np.asarray((millimetres[:, 0] << 32) + millimetres[:, 1])

@@ -102,6 +102,9 @@ def _or_opt(distances: NDArray[np.float32], start: int, stops: NDArray[np.int64]
             if i + length < n:
                 after = stops[i + length]
                 saved += distances[tail, after] - distances[before, after]
+            # No gap takes the segment for less than nothing, as path lengths obey the triangle inequality.
+            if not saved > GAIN:
+                continue
             best = GAIN
             where = -1
             turned = False

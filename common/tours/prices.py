@@ -113,7 +113,26 @@ def price_choices(
                 orders[c, count] = stops[s]
                 count += 1
         sizes[c] = count
-        order = orders[c, :count]
-        improve_tour(distances, v, order)
-        lengths[c] = tour_length(distances, v, order)
+        lengths[c] = _shorten(distances, v, orders[c, :count])
     return lengths
+
+
+@njit(cache=True, nogil=True)
+def _shorten(distances: NDArray[np.float32], start: int, order: NDArray[np.int64]) -> float:
+    """Shorten an open tour in place and return its length, metres.
+
+    The local search reads each distance many times: a table of the tour's own ones stays in the processor's cache.
+    """
+    count = len(order) + 1
+    places = np.empty(count, dtype=np.int64)
+    places[0] = start
+    places[1:] = order
+    table = np.empty((count, count), dtype=np.float32)
+    for a in range(count):
+        for b in range(count):
+            table[a, b] = distances[places[a], places[b]]
+    tour = np.arange(1, count)
+    improve_tour(table, 0, tour)
+    for k in range(count - 1):
+        order[k] = places[tour[k]]
+    return float(tour_length(table, 0, tour))

@@ -42,24 +42,24 @@ def _first_decision(seen_to: int, **settings: float) -> Position:
 
 def test_a_remainder_beside_the_start_is_seen_before_the_robot_leaves() -> None:
     # The side way begins at the start itself: one step up shows it whole.
-    assert _first_decision(28, min_frontier=1.0) == pytest.approx((0.0, 4.0))
+    assert _first_decision(28, min_frontier=4) == pytest.approx((0.0, 4.0))
 
 
 def test_what_is_too_small_waits_unless_it_lies_on_the_way() -> None:
-    waiting = _first_decision(28, min_frontier=8.0, detour=0.0)
+    waiting = _first_decision(28, min_frontier=32, detour=0.0)
     assert waiting[0] > 0.0
     assert waiting[1] == pytest.approx(0.0)
-    assert _first_decision(28, min_frontier=8.0, detour=9.0) == pytest.approx((0.0, 4.0))
+    assert _first_decision(28, min_frontier=32, detour=9.0) == pytest.approx((0.0, 4.0))
 
 
 def test_what_can_show_little_waits_as_well() -> None:
     # From the mouth of a side way 86 m2 of unknown area can be in sight, from the hall 219 m2.
-    assert _first_decision(28, min_frontier=1.0, min_gain=150.0, detour=0.0)[1] == pytest.approx(0.0)
-    assert _first_decision(28, min_frontier=1.0, min_gain=4.0, detour=0.0) == pytest.approx((0.0, 4.0))
+    assert _first_decision(28, min_frontier=4, min_gain=150.0, detour=0.0)[1] == pytest.approx(0.0)
+    assert _first_decision(28, min_frontier=4, min_gain=4.0, detour=0.0) == pytest.approx((0.0, 4.0))
 
 
 def test_what_waits_is_explored_in_the_end() -> None:
-    planner = make_planner("tour", CONFIG, min_frontier=12.0, min_gain=300.0, detour=0.0)
+    planner = make_planner("tour", CONFIG, min_frontier=48, min_gain=300.0, detour=0.0)
     episode = explore(planner, HALL, CONFIG, unseen_area=-1.0)
     assert episode.status is Status.COMPLETE
     assert episode.explored > 0.99
