@@ -21,6 +21,7 @@ from safetensors.numpy import save as save_tensors
 
 from common import onnx_file
 from common.config.schema import MappingConfig, NetworkConfig
+from common.documents import parse_json, read_text
 from common.errors import CheckpointError
 from common.extensions import GENERATOR_PREFIX
 from common.network.onnx_network import OnnxNetwork
@@ -194,8 +195,8 @@ def _read(path: Path) -> tuple[PolicyCard, bytes]:
             data, text = onnx_file.split(data)
         else:
             where = card_path(path)
-            text = where.read_text("utf-8")
-        values = json.loads(text)
+            text = read_text(where)
+        values = parse_json(text)
         written, digest = values.pop("format"), values.pop("sha256")
         if written != FORMAT:
             raise CheckpointError(f"{where} has format {written}, this software reads format {FORMAT}")
