@@ -17,6 +17,8 @@ from common.runtime import process_environment, python_module
 logger = logging.getLogger(__name__)
 actor_log = logging.getLogger("actors")
 
+LOCAL = "local"
+"""What the names of local actors begin with: the host that they count as."""
 STOP_SECONDS = 4.0
 # A line of an actor's log: name of the actor (none for its supervisor), time, level, logger, message.
 _LOG_LINE = re.compile(r"(?:([a-z0-9-]+) \| )?[0-9-]+ [0-9:,]+ (DEBUG|INFO|WARNING|ERROR) +([\w.]+): (.*)")
@@ -45,9 +47,7 @@ class LocalActors(Closing):
         ConfigError: when the bus uses certificates, since each actor needs its own.
     """
 
-    def __init__(
-        self, bus: BusConfig, run: str, number: int, prefix: str = "local", options: Sequence[str] = ()
-    ) -> None:
+    def __init__(self, bus: BusConfig, run: str, number: int, prefix: str = LOCAL, options: Sequence[str] = ()) -> None:
         if bus.tls_ca is not None:
             raise ConfigError(
                 "local actors (--actors) have no certificates of their own: with TLS start them with `hd-actor` and "

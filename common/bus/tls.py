@@ -70,3 +70,22 @@ def access_settings(config: HasTls) -> dict[str, Any]:
     if not isinstance(rules, dict):
         raise BusError(f"tls_access: {config.tls_access!r} must hold a JSON object of access rules")
     return rules
+
+
+def certified_hosts(config: HasTls) -> tuple[str, ...]:
+    """Return the names of the certificates that the access rules speak of; none without access rules.
+
+    Raises:
+        BusError: the file of access rules cannot be read.
+    """
+    if config.tls_access is None:
+        return ()
+    subjects = access_settings(config).get("subjects")
+    if not isinstance(subjects, list):
+        return ()
+    return tuple(
+        str(name)
+        for subject in subjects
+        if isinstance(subject, dict)
+        for name in subject.get("cert_common_names") or ()
+    )

@@ -16,7 +16,7 @@ from common.messages.fields import Fields
 from common.messages.replies import ALL_VERBS, PROTOCOL_VERSION, Ack, ControlReply, ControlRequest, Spec
 from common.messages.stats import ActorStats, LearnerStats
 from common.messages.weights import FLOATS, Weights, WeightsNotice
-from common.printable import printable_tree
+from common.printable import printable, printable_tree
 
 T = TypeVar("T")
 U = TypeVar("U")
@@ -92,6 +92,16 @@ def decode(data: bytes, *expected: type[Any]) -> Any:
     message = kind.read(fields)
     fields.finish()
     return message
+
+
+def describe_delivery(data: bytes) -> str:
+    """Say whose delivery some bytes are, as far as they tell, for the log: they may be no valid message."""
+    try:
+        fields = unpack(data, "delivery", MAX_DELIVERY)
+    except MessageError:
+        return "a message that is none"
+    actor, incarnation, sequence = (fields.get(name) for name in ("actor", "incarnation", "sequence"))
+    return printable(f"message {sequence!r:.30} of {actor!r:.70} (incarnation {incarnation!r:.30})")
 
 
 def _plain(message: Any) -> dict[str, Any]:

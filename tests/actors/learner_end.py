@@ -8,6 +8,7 @@ from contextlib import ExitStack
 
 from common.bus.experience import ExperienceServer
 from common.bus.liveness import PresenceWatcher, declare_presence
+from common.bus.seen import SeenSet
 from common.bus.session import new_incarnation, open_learner_session
 from common.bus.spec import SpecServer
 from common.bus.stats import StatsTable
@@ -47,6 +48,7 @@ class LearnerEnd:
         self.config = RunConfig.model_validate({**SMALL, "bus": {"listen": self.endpoint}, **changes})
         self.incarnation = new_incarnation()
         self.deliveries: list[Delivery] = []
+        self._seen = SeenSet()
         self.hold = 0.0
         self.arrived = threading.Condition()
 
@@ -92,8 +94,9 @@ class LearnerEnd:
                 self.arrived.wait(0.1)
         return bool(condition())
 
-    def _store(self, delivery: Delivery) -> float:
+    def _store(self, delivery: Delivery, payload: bytes) -> float:
         with self.arrived:
-            self.deliveries.append(delivery)
+            if self._seen.add(delivery.actor, delivery.incarnation, delivery.sequence):
+                self.deliveries.append(delivery)
             self.arrived.notify_all()
         return self.hold
