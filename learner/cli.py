@@ -19,7 +19,7 @@ from common.config.load import load_config, preset_names
 from common.config.schema import RunConfig
 from common.errors import ConfigError
 from common.extensions import SIMULATORS
-from common.logs import PLAIN_FORMAT, setup_logging
+from common.logs import log_file, setup_logging
 from common.runtime import restart_prepared
 from learner.remote_cli import add_remote_commands
 
@@ -308,8 +308,7 @@ def _run(
 @contextmanager
 def _log_file(path: Path) -> Iterator[None]:
     """Write the log into the run's folder as well."""
-    handler = logging.FileHandler(path, encoding="utf-8")
-    handler.setFormatter(logging.Formatter(PLAIN_FORMAT))
+    handler = log_file(path)
     logging.getLogger().addHandler(handler)
     try:
         yield

@@ -13,6 +13,7 @@ from common.closing import Closing
 from common.config.schema import BusConfig
 from common.errors import ConfigError
 from common.runtime import process_environment, python_module
+from common.threads import guarded
 
 logger = logging.getLogger(__name__)
 actor_log = logging.getLogger("actors")
@@ -91,10 +92,11 @@ class LocalActors(Closing):
 
     def _read(self) -> None:
         assert self._process.stdout is not None
+        pass_on = guarded("passing on the log of the local actors", _pass_on)
         with self._process.stdout as lines:
             for line in lines:
                 if line.strip():
-                    _pass_on(line.rstrip())
+                    pass_on(line.rstrip())
         code = self._process.wait()
         if not self._stopping:
             level = logging.ERROR if code else logging.INFO
