@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import secrets
-from collections.abc import Iterable
+import socket
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import zenoh
 
 from common.bus.endpoint import is_loopback
+from common.bus.gate import LISTENERS, Gate
 from common.bus.tls import access_settings, tls_settings
 from common.config.schema import BusConfig
 from common.errors import BusError
@@ -19,6 +22,8 @@ from common.messages.schema import MAX_WEIGHTS
 log = logging.getLogger(__name__)
 
 PROTOCOLS = ("tcp", "tls", "unixsock-stream")
+MAX_SESSIONS = 10_000
+"""Processes that the learner's router takes; Zenoh's own default is 1,000."""
 
 
 def new_incarnation() -> int:
@@ -26,8 +31,11 @@ def new_incarnation() -> int:
     return secrets.randbits(63)
 
 
-def open_learner_session(config: BusConfig) -> zenoh.Session:
+@contextlib.contextmanager
+def open_learner_session(config: BusConfig) -> Iterator[zenoh.Session]:
     """Open the learner's session: a router that listens, and joins existing routers if told to.
+
+    With TLS a `Gate` holds the port, and the router listens behind it on loopback.
 
     Usage::
 
@@ -41,20 +49,40 @@ def open_learner_session(config: BusConfig) -> zenoh.Session:
         BusError: when an endpoint is malformed or taken, or a file is missing.
     """
     listen = _endpoint(config.listen, config)
-    settings = _settings(config, "router", [listen], config.connect)
+    guarded = listen.startswith("tls/")
+    behind = free_ports(LISTENERS) if guarded else []
+    endpoints = [f"tls/127.0.0.1:{port}" for port in behind] or [listen]
+    settings = _settings(config, "router", endpoints, config.connect)
+    settings["transport"]["unicast"] = {"max_sessions": MAX_SESSIONS}
     if config.tls_access is not None:
         settings["access_control"] = access_settings(config)
-    try:
-        session = zenoh.open(_zenoh_config(settings))
-    except zenoh.ZError as error:
-        raise BusError(_why_not_listening(listen, str(error))) from None
+    with contextlib.ExitStack() as stack:
+        if guarded:
+            host, _, port = listen.removeprefix("tls/").rpartition(":")
+            # First, so that a port that is taken is found before anything else.
+            stack.enter_context(Gate(host.strip("[]"), int(port), behind))
+        try:
+            session = stack.enter_context(zenoh.open(_zenoh_config(settings)))
+        except zenoh.ZError as error:
+            raise BusError(_why_not_listening(listen, str(error))) from None
+        _warn_of_strangers(listen, config)
+        yield session
+
+
+def free_ports(count: int) -> list[int]:
+    """Return so many ports of loopback that nobody listens on at the moment."""
+    with contextlib.ExitStack() as stack:
+        probes = [stack.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(count)]
+        return [probe.getsockname()[1] for probe in probes]
+
+
+def _warn_of_strangers(listen: str, config: BusConfig) -> None:
     if not is_loopback(listen) and config.tls_ca is None:
         log.warning(
             "listening on %s without TLS: everybody who reaches this address can send experience and commands; "
             "make certificates with 'hd-learner certificates', or listen on 127.0.0.1",
             listen,
         )
-    return session
 
 
 def open_client_session(config: BusConfig, connect: Iterable[str] | None = None) -> zenoh.Session:
