@@ -24,7 +24,6 @@ from collections.abc import Sequence
 from typing import Final
 
 from common.closing import Closing
-from common.errors import BusError
 from common.runtime import python_module
 from common.threads import Ticker
 
@@ -55,16 +54,14 @@ class Gate(Closing):
         behind: ports of Zenoh's listeners on 127.0.0.1.
 
     Raises:
-        BusError: the address is in use, or not of this machine.
+        OSError: the address is in use, or not of this machine.
     """
 
     def __init__(self, host: str, port: int, behind: Sequence[int]) -> None:
         self._behind = [str(number) for number in behind]
-        try:
-            family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-            self._socket = socket.create_server(address[:2], family=family, backlog=1024)
-        except OSError as error:
-            raise BusError(f"cannot listen on {host}:{port}: {error.strerror or error}") from error
+        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        both = family == socket.AF_INET6 and address[0] == "::" and socket.has_dualstack_ipv6()
+        self._socket = socket.create_server(address[:2], family=family, backlog=1024, dualstack_ipv6=both)
         self._process = self._start()
         self._watch = Ticker("watching the gate", _WATCH_SECONDS, self._look)
 
@@ -72,10 +69,13 @@ class Gate(Closing):
         """Give the port back, and end all connections. Safe to call twice."""
         self._watch.close()
         self._process.terminate()
+        self._bury()
+        self._socket.close()
+
+    def _bury(self) -> None:
         self._process.wait()
         if self._process.stdin is not None:
             self._process.stdin.close()
-        self._socket.close()
 
     def _start(self) -> subprocess.Popen[bytes]:
         number = self._socket.fileno()
@@ -90,6 +90,7 @@ class Gate(Closing):
         code = self._process.poll()
         if code is not None:
             log.error("the gate before the TLS port has ended with exit code %d and is started again", code)
+            self._bury()
             self._process = self._start()
 
 

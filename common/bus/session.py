@@ -57,13 +57,12 @@ def open_learner_session(config: BusConfig) -> Iterator[zenoh.Session]:
     if config.tls_access is not None:
         settings["access_control"] = access_settings(config)
     with contextlib.ExitStack() as stack:
-        if guarded:
-            host, _, port = listen.removeprefix("tls/").rpartition(":")
-            # First, so that a port that is taken is found before anything else.
-            stack.enter_context(Gate(host.strip("[]"), int(port), behind))
         try:
+            if guarded:
+                host, _, port = listen.removeprefix("tls/").rpartition(":")
+                stack.enter_context(Gate(host.strip("[]"), int(port), behind))
             session = stack.enter_context(zenoh.open(_zenoh_config(settings)))
-        except zenoh.ZError as error:
+        except (OSError, zenoh.ZError) as error:
             raise BusError(_why_not_listening(listen, str(error))) from None
         _warn_of_strangers(listen, config)
         yield session
