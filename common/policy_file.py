@@ -30,6 +30,8 @@ from common.tasks import BOTH
 
 FORMAT = 1
 SUFFIX = ".safetensors"
+MAX_BYTES = 1 << 28
+"""Largest policy, as on the bus."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,6 +191,8 @@ def _tensors(path: Path, data: bytes) -> dict[str, NDArray[Any]]:
 def _read(path: Path) -> tuple[PolicyCard, bytes]:
     """Return the card and the bytes that it describes: of the weights, or of the ONNX model without its card."""
     try:
+        if path.stat().st_size > MAX_BYTES:
+            raise CheckpointError(f"{path} is no policy: it has more than {MAX_BYTES:,} bytes")
         data = path.read_bytes()
         if path.suffix == onnx_file.SUFFIX:
             where = path
