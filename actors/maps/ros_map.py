@@ -214,7 +214,7 @@ def _read(path: Path) -> dict[Any, Any]:
         if data.count(b"[") + data.count(b"{") > LARGEST_NESTING:
             # The parser takes seconds to find that out.
             raise MapError(
-                f"{path}: expected the YAML file of a ROS map, got something else (lists without end): name another file"
+                f"{path}: expected the YAML file of a ROS map, got something else (lists without end): name another"
             )
     except FileNotFoundError:
         raise MapError(f"{path}: there is no such file: check the path") from None

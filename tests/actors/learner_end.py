@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
+import time
 from contextlib import ExitStack
 
 from common.bus.experience import ExperienceServer
@@ -88,7 +89,8 @@ class LearnerEnd:
     def wait_for(self, condition, timeout: float = 60.0) -> bool:  # type: ignore[no-untyped-def]
         """Wait until a condition holds; it is asked whenever something arrives, and every tenth of a second."""
         with self.arrived:
-            for _ in range(int(timeout * 10)):
+            deadline = time.monotonic() + timeout
+            while time.monotonic() < deadline:
                 if condition():
                     return True
                 self.arrived.wait(0.1)
