@@ -82,7 +82,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 def _check_depth(value: Any) -> None:
     level = [value]
     for _ in range(MAX_DEPTH + 1):
-        inner = []
+        inner: list[Any] = []
         for each in level:
             if isinstance(each, dict):
                 inner += each.values()

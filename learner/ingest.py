@@ -30,6 +30,8 @@ from learner.watch.metrics import Means, RateMeter
 logger = logging.getLogger(__name__)
 
 _MAX_ACTORS = 10_000
+# Messages of a journal that are named in the log; of the others there is the number.
+_MAX_NAMED = 100
 
 
 @dataclass(slots=True)
@@ -230,6 +232,8 @@ class Ingest:
                 if segment >= place:
                     raise
                 logger.error("%s; the replay buffer goes on without the rest of it", error)
+        if self.poisoned:
+            logger.error("%d messages of the journal are not what is taken today, and were set aside", self.poisoned)
         fresh_from = 0 if self._keep_replay and len(self.replay) else int(snapshot["steps"])
         self.keeper.restore(self.keeper.steps, updates, len(self.replay), fresh_from)
         logger.info(
@@ -269,7 +273,8 @@ class Ingest:
                     "resume the run with the release that wrote it"
                 ) from error
             self.poisoned += 1
-            logger.error("journal segment %d: set aside %s: %s", segment, describe_delivery(payload), error)
+            if self.poisoned <= _MAX_NAMED:
+                logger.error("journal segment %d: set aside %s: %s", segment, describe_delivery(payload), error)
             return None
 
     # --- parts of storing --------------------------------------------------------------------------------------
