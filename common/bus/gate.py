@@ -24,7 +24,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from common.closing import Closing
-from common.runtime import python_module
+from common.runtime import allow_files, python_module
 from common.threads import Ticker
 
 log = logging.getLogger(__name__)
@@ -39,6 +39,7 @@ _REST_SECONDS: Final = 0.12
 _LOOK_AGAIN_SECONDS: Final = 0.01
 _BRIEF_SECONDS: Final = 2.0
 _CHUNK: Final = 1 << 16
+_MAX_FILES: Final = 65_536
 _WATCH_SECONDS: Final = 0.5
 # A record of TLS: type 22 (handshake), version 3.x, length; its first byte is the message, 1 for a client's hello.
 _HANDSHAKE, _HELLO, _HEADER = 0x16, 0x01, 5
@@ -186,6 +187,7 @@ async def _serve(listening: socket.socket, ports: Sequence[int]) -> None:
 def main(arguments: Sequence[str]) -> None:
     """Keep the gate until the learner is gone or says so."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    allow_files(_MAX_FILES)
     number, *ports = (int(text) for text in arguments)
     asyncio.run(_serve(socket.socket(fileno=number), ports))
 

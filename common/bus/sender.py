@@ -248,6 +248,10 @@ class ExperienceSender(Closing):
         self._heard(ack)
         if parcel is None:
             return
+        if ack.stored and ack.sequence != sequence:
+            log.warning("message %d came back acknowledged as %d: sending it again", sequence, ack.sequence)
+            self._unanswered(sequence, parcel)
+            return
         if ack.stored or ack.error:
             self._done(sequence, ack)
         else:

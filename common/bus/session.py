@@ -18,12 +18,18 @@ from common.bus.tls import access_settings, tls_settings
 from common.config.schema import BusConfig
 from common.errors import BusError
 from common.messages.schema import MAX_WEIGHTS
+from common.runtime import allow_files
 
 log = logging.getLogger(__name__)
 
 PROTOCOLS = ("tcp", "tls", "unixsock-stream")
 MAX_SESSIONS = 10_000
 """Processes that the learner's router takes; Zenoh's own default is 1,000."""
+MAX_PENDING = 4_000
+"""Connections that may be about to become sessions."""
+ACCEPT_SECONDS = 3.0
+"""For them to do so."""
+MAX_FILES = 65_536
 
 
 def new_incarnation() -> int:
@@ -53,7 +59,13 @@ def open_learner_session(config: BusConfig) -> Iterator[zenoh.Session]:
     behind = free_ports(LISTENERS) if guarded else []
     endpoints = [f"tls/127.0.0.1:{port}" for port in behind] or [listen]
     settings = _settings(config, "router", endpoints, config.connect)
-    settings["transport"]["unicast"] = {"max_sessions": MAX_SESSIONS}
+    settings["transport"]["unicast"] = {
+        "max_sessions": MAX_SESSIONS,
+        # Connections that say nothing: with Zenoh's defaults a hundred of them shut everybody out for ten seconds.
+        "accept_pending": MAX_PENDING,
+        "accept_timeout": int(ACCEPT_SECONDS * 1000),
+    }
+    allow_files(MAX_FILES)
     if config.tls_access is not None:
         settings["access_control"] = access_settings(config)
     with contextlib.ExitStack() as stack:
@@ -61,11 +73,20 @@ def open_learner_session(config: BusConfig) -> Iterator[zenoh.Session]:
             if guarded:
                 host, _, port = listen.removeprefix("tls/").rpartition(":")
                 stack.enter_context(Gate(host.strip("[]"), int(port), behind))
-            session = stack.enter_context(zenoh.open(_zenoh_config(settings)))
+            session = zenoh.open(_zenoh_config(settings))
+            stack.callback(_close, session)
         except (OSError, zenoh.ZError) as error:
             raise BusError(_why_not_listening(listen, str(error))) from None
         _warn_of_strangers(listen, config)
         yield session
+
+
+def _close(session: zenoh.Session) -> None:
+    try:
+        session.close()
+    except zenoh.ZError as error:
+        # Thousands of connections that say nothing take longer than Zenoh waits; they end with the process.
+        log.warning("the bus was not closed in order: %s", error)
 
 
 def free_ports(count: int) -> list[int]:

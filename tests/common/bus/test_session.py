@@ -1,4 +1,7 @@
 import logging
+import socket
+import time
+from contextlib import ExitStack
 
 import pytest
 
@@ -63,6 +66,19 @@ def test_an_endpoint_is_needed():
 def test_foreign_addresses_are_refused():
     with pytest.raises(BusError, match="no address"):
         opened(BusConfig(listen=f"tcp/192.0.2.1:{free_port()}"))
+
+
+def test_connections_that_say_nothing_keep_nobody_out():
+    config = loopback()
+    port = int(config.listen.rsplit(":", 1)[1])
+    with open_learner_session(config) as learner, SpecServer(learner, Spec("office", 1, "{}")), ExitStack() as stack:
+        for _ in range(300):
+            stack.enter_context(socket.create_connection(("127.0.0.1", port), 5.0))
+        time.sleep(0.5)
+        began = time.monotonic()
+        with open_client_session(config) as client:
+            assert fetch_spec(client, "office", timeout=20.0).run == "office"
+        assert time.monotonic() - began < 5.0
 
 
 def test_listening_beyond_loopback_without_tls_warns(caplog):
