@@ -52,6 +52,7 @@ class ExperienceServer(Closing):
         self.invalid: Counter[str] = Counter()
         """Messages refused, by the actor whose key they came on."""
         self._warned: dict[str, float] = {}
+        self._said = -1.0
         self._server = QueryServer(session, Keys(run).all_experience, self._answer)
 
     def close(self) -> None:
@@ -87,8 +88,9 @@ class ExperienceServer(Closing):
         name = sender if sender in self.invalid or len(self.invalid) < _MAX_SENDERS else "(others)"
         self.invalid[name] += 1
         now = time.monotonic()
-        if now - self._warned.get(name, -1.0) >= 1.0:
-            self._warned[name] = now
+        # Once a second for each name, and a few lines a second for all of them.
+        if now - self._warned.get(name, -1.0) >= 1.0 and now - self._said >= 0.1:
+            self._warned[name] = self._said = now
             log.warning("refused a message of %s (%d so far): %s", name, self.invalid[name], error)
         query.reply_err(encode(Ack(-1, False, 0.0, str(error)[:1000], self._learner)))
 
