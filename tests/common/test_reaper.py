@@ -19,7 +19,7 @@ for code in sys.argv[1:]:
 sys.stdin.read()
 reaper.close()
 """
-CHILD = "import os, signal, time; {}; print(os.getpid(), flush=True); time.sleep(600)"
+CHILD = "import os, signal, time; {}; os.write(1, b'%d\\n' % os.getpid()); time.sleep(600)"
 DEAF = "signal.signal(signal.SIGTERM, signal.SIG_IGN)"
 
 
