@@ -18,6 +18,8 @@ log = logging.getLogger(__name__)
 
 Process = tuple[str, str]
 """(role, name) of a process."""
+MAX_PRESENT = 20_000
+"""Processes that a watcher knows at most: twice as many as a learner takes."""
 
 
 def declare_presence(session: zenoh.Session, run: str, role: Role, name: str) -> zenoh.LivelinessToken:
@@ -58,6 +60,7 @@ class PresenceWatcher(Closing):
         self, session: zenoh.Session, run: str, on_change: Callable[[Process, bool], None] | None = None
     ) -> None:
         self._present: set[Process] = set()
+        self._full = False
         self._changed = threading.Condition()
         self._on_change = on_change
         self._subscriber = session.liveliness().declare_subscriber(
@@ -93,6 +96,11 @@ class PresenceWatcher(Closing):
         appeared = sample.kind == zenoh.SampleKind.PUT
         with self._changed:
             if appeared == (process in self._present):
+                return
+            if appeared and len(self._present) >= MAX_PRESENT:
+                if not self._full:
+                    self._full = True
+                    log.warning("%d processes are present, and further ones are not shown", MAX_PRESENT)
                 return
             if appeared:
                 self._present.add(process)

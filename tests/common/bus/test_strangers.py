@@ -85,3 +85,18 @@ def test_answers_of_a_false_learner_reach_no_terminal_raw(sessions):
     learner, client = sessions
     with ControlServer(learner, "run", lambda command: {"state": "\x1b[2Jfine", "numbers": np.arange(2).tolist()}):
         assert request(client, "run", "status", 5.0) == {"state": "\\x1b[2Jfine", "numbers": [0, 1]}
+
+
+def test_tokens_without_end_fill_no_memory_and_go_again(sessions, monkeypatch, caplog):
+    learner, client = sessions
+    monkeypatch.setattr("common.bus.liveness.MAX_PRESENT", 10)
+    with PresenceWatcher(learner, "run") as watcher:
+        tokens = [client.liveliness().declare_token(f"hd/run/live/actor/wide-{number}") for number in range(30)]
+        assert watcher.wait_for(lambda present: len(present) == 10, 5.0)
+        assert eventually(lambda: "further ones are not shown" in caplog.text, 5.0)
+        for token in tokens:
+            token.undeclare()
+        assert watcher.wait_for(lambda present: not present, 5.0)
+        with client.liveliness().declare_token("hd/run/live/actor/desk-0"):
+            assert watcher.wait_for(lambda present: ("actor", "desk-0") in present, 5.0)
+    assert caplog.text.count("further ones are not shown") == 1
