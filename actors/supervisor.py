@@ -47,7 +47,7 @@ class _Child:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
-            text=True,
+            encoding="utf-8",
             errors="replace",
         )
         threading.Thread(target=self._forward, args=(self.process,), daemon=True).start()

@@ -26,6 +26,7 @@ from common.extensions import GENERATOR_PREFIX
 from common.network.onnx_network import OnnxNetwork
 from common.policy import Policy
 from common.tasks import BOTH
+from common.text_files import read_text
 
 FORMAT = 1
 SUFFIX = ".safetensors"
@@ -194,7 +195,7 @@ def _read(path: Path) -> tuple[PolicyCard, bytes]:
             data, text = onnx_file.split(data)
         else:
             where = card_path(path)
-            text = where.read_text("utf-8")
+            text = read_text(where)
         values = json.loads(text)
         written, digest = values.pop("format"), values.pop("sha256")
         if written != FORMAT:

@@ -28,6 +28,7 @@ from actors.maps.images import Pixels, read_pixels
 from actors.maps.placing import Position, place
 from actors.maps.turning import turn, turned_resolution
 from common.errors import MapError
+from common.text_files import decode_text
 
 Mode = Literal["trinary", "scale", "raw"]
 
@@ -215,9 +216,11 @@ def _read(path: Path) -> dict[Any, Any]:
     except OSError as error:
         raise MapError(f"{path}: cannot read it ({error.strerror}): check the file and its permissions") from error
     try:
-        values = yaml.safe_load(data.decode("utf-8-sig"))
-    except UnicodeDecodeError:
-        raise MapError(f"{path}: expected YAML in UTF-8, got another encoding: save it as UTF-8") from None
+        text = decode_text(data)
+    except ValueError as error:
+        raise MapError(f"{path}: {error}") from None
+    try:
+        values = yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         problem = " ".join(str(error).split())[:200]
         raise MapError(

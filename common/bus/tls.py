@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from common.errors import BusError
+from common.text_files import read_text
 
 
 class HasTls(Protocol):
@@ -64,7 +65,7 @@ def access_settings(config: HasTls) -> dict[str, Any]:
     if config.tls_ca is None:
         raise BusError("tls_access needs tls_ca, tls_certificate and tls_key: without TLS nobody has a name to check")
     try:
-        rules = json.loads(Path(str(config.tls_access)).read_text("utf-8"))
+        rules = json.loads(read_text(Path(str(config.tls_access))))
     except (OSError, ValueError) as error:
         raise BusError(f"tls_access: cannot read {config.tls_access!r} as JSON: {error}") from None
     if not isinstance(rules, dict):

@@ -20,6 +20,7 @@ from pydantic.fields import FieldInfo
 
 from common.errors import ConfigError, HDError
 from common.registry import NamedPart
+from common.text_files import read_text
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -211,8 +212,8 @@ def _leaves(model: type[BaseModel], prefix: str) -> Iterator[tuple[str, FieldInf
 
 def _read_file(file: Path) -> dict[str, Any]:
     try:
-        text = file.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text(file)
+    except (OSError, ValueError) as error:
         raise ConfigError(f"cannot read the configuration file {file}: {error}") from None
     try:
         tree = json.loads(text) if file.suffix == ".json" else tomllib.loads(text)
