@@ -169,7 +169,7 @@ class SafetyConfig(Section):
     """What makes the robot stop."""
 
     scan_timeout: Positive = 1.0
-    """Zero velocity when no scan, cloud or map came for so long, seconds."""
+    """Zero velocity when no scan or cloud came for so long, seconds; maps may come only once."""
     pose_timeout: Positive = 1.0
     """Zero velocity when no pose came for so long, seconds."""
     min_beams: Fraction = 0.1

@@ -58,6 +58,13 @@ def scan_from(scan: Message) -> Scan:
     return Scan(ranges, scan.angle_min, scan.angle_increment, range_max, scan.range_min)
 
 
+def scan_note(scan: Message) -> str:
+    """Return what is strange about a LaserScan that can be used all the same, one line; empty when nothing is."""
+    if len(scan.intensities) not in {0, len(scan.ranges)}:
+        return f"a LaserScan of {len(scan.ranges)} ranges has {len(scan.intensities)} intensities: correct the driver"
+    return ""
+
+
 def laser_scan(time: float, frame: str, scan: Scan, scan_time: float = 0.0) -> Message:
     """Build a LaserScan; angle_max is the last beam's angle.
 
@@ -156,18 +163,15 @@ def odometry(
 
 
 def transforms_from(transforms: Message) -> list[Transform]:
-    """Return the transforms of a TFMessage.
+    """Return the transforms of a TFMessage as they are; `deploy.mapping.transforms` looks whether each of them is one.
 
-    Raises:
-        RosError: when one is not finite or its rotation is zero.
+    A message carries those of several publishers' frames: one that is wrong must not hide the others.
     """
     result: list[Transform] = []
     for one in transforms.transforms:
         move, turn = one.transform.translation, one.transform.rotation
         shift = (move.x, move.y, move.z)
         rotation = (turn.x, turn.y, turn.z, turn.w)
-        yaw_of(turn)
-        _check_metres(f"transform {one.header.frame_id} -> {one.child_frame_id}", *shift)
         parent, child = one.header.frame_id.lstrip("/"), one.child_frame_id.lstrip("/")
         result.append((seconds(one.header.stamp), parent, child, shift, rotation))
     return result
