@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from math import pi
 from typing import Annotated, Final, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -68,6 +69,13 @@ class SensingConfig(Section):
     """Voxel of the OctoMap, metres."""
     pose_tolerance: Positive = 0.2
     """A scan waits for a pose at most so much later or earlier than its stamp, seconds; else it is dropped."""
+
+    @field_validator("sensor_offset")
+    @classmethod
+    def _yaw_is_in_radians(cls, value: tuple[float, float, float]) -> tuple[float, float, float]:
+        if abs(value[2]) > 2.0 * pi:
+            raise ValueError("the third number is a yaw in radians, at most 2 pi: is it in degrees?")
+        return value
 
     @model_validator(mode="after")
     def _bounds_are_ordered(self) -> SensingConfig:

@@ -103,6 +103,8 @@ def read_map_server_file(path: Path) -> MapServerFile:
             f"{path}: expected origin to be [x, y, yaw] in metres and radians, got {_shown(origin)}: correct it"
         )
     x, y, yaw = (_number(path, "origin", value) for value in origin)
+    if abs(yaw) > 4.0 * math.pi:
+        raise MapError(f"{path}: expected the yaw of origin in radians, got {yaw:g}: is it in degrees? correct it")
     resolution = _number(path, "resolution", values["resolution"])
     if not 0.0 < resolution <= 10.0:
         raise MapError(f"{path}: expected resolution in metres per pixel, 0 to 10, got {resolution:g}: correct it")

@@ -10,7 +10,7 @@ from common.geometry import Pose
 from deploy.config import DeployConfig
 from deploy.mapping.robot_map import RobotMap
 from deploy.ros2 import LATCHED, RELIABLE, SENSOR, STATIC, Message, Node, QoS, Received, RosError, seconds
-from deploy.ros2.conversions import grid_from, points_from, pose_from, scan_from, scan_note, transforms_from
+from deploy.ros2.conversions import cloud_note, grid_from, points_from, pose_from, scan_from, scan_note, transforms_from
 from deploy.safety.health import Fault, FaultKind, HealthMonitor
 from deploy.safety.sight import Sight
 
@@ -124,6 +124,7 @@ class Inputs:
         except RosError as error:
             self._sensed("points", received, stamp, Fault(FaultKind.SENSOR_INVALID, str(error)))
             raise
+        self._map.note(cloud_note(cloud))
         fault = self._sight["points"].points(cloud, points, self._map.pose, received.time)
         if fault is None or fault.kind is FaultKind.SENSOR_BLIND:
             self._map.add_points(stamp, points, cloud.header.frame_id)

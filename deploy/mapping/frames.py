@@ -40,7 +40,6 @@ class Frames:
         self._base = plain(config.frames.base)
         self._by_tf = config.sensing.pose == "tf"
         self._offset_given = "sensor_offset" in config.sensing.model_fields_set
-        self._tolerance = config.sensing.pose_tolerance
         self._odometry: str | None = None
 
     def odometry_problem(self, frame: str) -> str:
@@ -101,7 +100,8 @@ class Frames:
     def find(self, frame: str, time: float) -> Place | None:
         """Return where a sensor's frame, which has a name, is at a time; None where nothing says."""
         if not self.fixed(frame) and self._tree.stays_behind(frame, self._base) is False:
-            found = self._tree.lookup(self._base, frame, time, self._tolerance)
+            # Parts of the robot that stand still are published on /tf too, as seldom as somebody likes.
+            found = self._tree.lookup(self._base, frame, time, self._tree.hold)
             return None if found is None else Place(on_base=found)
         in_map = self.world(frame)
         return None if in_map is None else Place(in_map=in_map)

@@ -177,7 +177,7 @@ class TransformTree:
     def __init__(self, seconds: float = 10.0, hold: float = 5.0) -> None:
         """Keep moving links for ``seconds`` and hold each one for ``hold`` seconds beyond its newest transform."""
         self._seconds = seconds
-        self._hold = hold
+        self.hold: Final = hold
         self._links: dict[str, _Link] = {}
 
     def add(
@@ -261,13 +261,13 @@ class TransformTree:
         tight = self._first_moving(up)
         result = Transform()
         for frame in up:
-            link = self._links[frame].at(time, tolerance if frame == tight else self._hold)
+            link = self._links[frame].at(time, tolerance if frame == tight else self.hold)
             if link is None:
                 return None
             result = link @ result
         back = Transform()
         for frame in down:
-            link = self._links[frame].at(time, self._hold)
+            link = self._links[frame].at(time, self.hold)
             if link is None:
                 return None
             back = link @ back

@@ -72,6 +72,19 @@ def points_from(cloud: Message) -> NDArray[np.float32]:
     return points if finite.all() else points[finite]
 
 
+def cloud_note(cloud: Message) -> str:
+    """Return what is strange about a PointCloud2 that can be read all the same, one line; empty when nothing is."""
+    used, sent = cloud.width * cloud.point_step, cloud.row_step * cloud.height
+    if cloud.row_step - used >= cloud.point_step > 0:
+        return (
+            f"a PointCloud2 of {cloud.width} points of {cloud.point_step} bytes has a row_step of {cloud.row_step}, "
+            "room for more of them: correct its width or row_step"
+        )
+    if len(cloud.data) != sent:
+        return f"a PointCloud2 must have {sent} bytes by its row_step and height, got {len(cloud.data)}"
+    return ""
+
+
 def point_cloud(time: float, frame: str, points: NDArray[np.float32]) -> Message:
     """Build a PointCloud2 of float32 fields x, y, z and, for four columns, intensity.
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.geometry import Pose, Scan
-from deploy.ros2.clouds import point_cloud as point_cloud  # noqa: PLC0414  (exported from here too)
+from deploy.ros2.clouds import cloud_note as cloud_note  # noqa: PLC0414  (exported from here too)
+from deploy.ros2.clouds import point_cloud as point_cloud  # noqa: PLC0414
 from deploy.ros2.clouds import points_from as points_from  # noqa: PLC0414
 from deploy.ros2.errors import RosError
 from deploy.ros2.messages import Message, header, message, seconds, stamp

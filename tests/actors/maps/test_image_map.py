@@ -285,3 +285,12 @@ def test_the_colours_give_what_the_gray_values_of_public_maps_gave() -> None:
         rows, columns = np.nonzero(start)
         assert world.start == ((columns.min() + columns.max() + 1) / 2, (rows.min() + rows.max() + 1) / 2)
         assert np.array_equal(target, np.zeros_like(free) if world.target_region is None else world.target_region)
+
+
+def test_the_image_of_a_ros_map_leads_to_its_yaml(tmp_path: Path) -> None:
+    path = paint(tmp_path / "a.png", [(16, 16, 80, 32)], [((40, 16, 44, 32), (205, 205, 205))])
+    with pytest.raises(MapError, match="image of a ROS map: name its YAML file"):
+        load_image(path)
+    with pytest.raises(MapError) as raised:
+        load_image(paint(tmp_path / "b.png", [(16, 16, 80, 32)], []))
+    assert "ROS" not in str(raised.value)

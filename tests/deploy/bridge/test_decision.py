@@ -102,6 +102,11 @@ def test_checks_count_new_maps_alone():
     assert checks.passed(9, 1.1)
 
 
+def test_checks_count_a_map_again_that_stays_as_it_is():
+    checks = CompletionChecks(3)
+    assert [checks.passed(7, float(second)) for second in range(7)] == [False] * 6 + [True]
+
+
 def test_without_a_map_the_robot_waits_and_says_so():
     trial = started(ROOM)
     trial.sensing = False
