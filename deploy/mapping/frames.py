@@ -41,10 +41,20 @@ class Frames:
         self._by_tf = config.sensing.pose == "tf"
         self._offset_given = "sensor_offset" in config.sensing.model_fields_set
         self._odometry: str | None = None
+        self._child = ""
 
-    def odometry_problem(self, frame: str) -> str:
-        """Say why the odometry's poses, which are in a frame, cannot be taken; empty when they can."""
-        frame = plain(frame)
+    def odometry_problem(self, frame: str, child: str) -> str:
+        """Say why a pose of the odometry cannot be taken; empty when it can.
+
+        Args:
+            frame: in which it is; the first one that was named is the one of all others.
+            child: whose it is, likewise.
+        """
+        frame, child = plain(frame), plain(child)
+        if child != "":
+            self._child = self._child or child
+            if child != self._child:
+                return f"the odometry changed from the pose of {self._child!r} to that of {child!r}: let one node publish it"
         if frame == "":
             return ""
         if self._odometry is None:
@@ -64,27 +74,25 @@ class Frames:
             f"by TF (sensing.pose=tf), or plan in the odometry's frame (frames.map={frame})"
         )
 
-    def odometry_note(self, frame: str, child: str) -> str:
+    def odometry_note(self) -> str:
         """Say what the odometry's frames are taken for, where they are not those of the configuration."""
-        frame, child = plain(frame), plain(child)
-        if frame not in {"", self._map}:
+        frame, child = self._odometry, self._child
+        if frame is not None and frame != self._map:
             return (
                 f"the odometry is in the frame {frame!r}, which is taken for {self._map!r}: set frames.map={frame}, so "
                 "that what the bridge says is in that frame too"
             )
-        if child not in {"", self._base} and self.base_in(child) is None:
+        if child not in {"", self._base} and self._base_in_child() is None:
             return (
                 f"the odometry tells the pose of {child!r}, which is taken for {self._base!r}: set "
                 f"frames.base={child}, or publish the transform between the two"
             )
         return ""
 
-    def base_in(self, child: str) -> Transform | None:
-        """Return where the base lies in the frame whose pose the odometry tells; None where TF does not say."""
-        child = plain(child)
-        if child in {"", self._base} or self._tree.stays_behind(child, self._base) is not False:
-            return None
-        return self._newest(child, self._base)
+    def base(self, pose: Pose) -> Pose:
+        """Return the base's pose, where the odometry tells that of another frame of the robot and TF knows both."""
+        by = self._base_in_child()
+        return pose if by is None else (Transform.planar(pose.x, pose.y, pose.yaw) @ by).pose
 
     def world(self, frame: str) -> Transform | None:
         """Return where a frame of the world, such as that of a map, lies in the map frame; None where nothing says."""
@@ -125,6 +133,12 @@ class Frames:
             "transform on /tf_static, or set sensing.sensor_offset"
         )
 
+    def _base_in_child(self) -> Transform | None:
+        child = self._child
+        if child in {"", self._base} or self._tree.stays_behind(child, self._base) is not False:
+            return None
+        return self._newest(child, self._base)
+
     def _newest(self, target: str, source: str) -> Transform | None:
         time = self._tree.newest(target, source)
         return None if time is None else self._tree.lookup(target, source, time, 0.0)
@@ -133,8 +147,3 @@ class Frames:
 def plain(frame: str) -> str:
     """Return a frame's name without the slash that ROS 1 put before it."""
     return frame.lstrip("/")
-
-
-def moved(pose: Pose, by: Transform) -> Pose:
-    """Return the pose of a frame that lies in another one, whose pose is known."""
-    return (Transform.planar(pose.x, pose.y, pose.yaw) @ by).pose

@@ -15,7 +15,7 @@ from common.errors import MappingError
 from common.geometry import Pose, Scan
 from deploy.config import DeployConfig
 from deploy.mapping.cloud import checked_points, project
-from deploy.mapping.frames import Frames, moved, plain
+from deploy.mapping.frames import Frames, plain
 from deploy.mapping.log_odds import Beams
 from deploy.mapping.placing import NoPlaceError, Placed, Placing, planar_scan
 from deploy.mapping.pose_buffer import PoseBuffer
@@ -118,7 +118,7 @@ class Intake:
         """Newest pose of the base in the map frame."""
         if not self._by_tf:
             newest = self._poses.newest
-            return None if newest is None else newest[1]
+            return None if newest is None else self._frames.base(newest[1])
         frames = self._config.frames
         time = self._tree.newest(frames.map, frames.base)
         found = None if time is None else self._tree.lookup(frames.map, frames.base, time, 0.0)
@@ -132,18 +132,15 @@ class Intake:
         """
         if self._by_tf:
             return None
-        problem = self._frames.odometry_problem(frame)
+        problem = self._frames.odometry_problem(frame, child)
         if problem:
             self.drop("odometry in another frame", problem)
             return None
-        self.note(self._frames.odometry_note(frame, child))
-        base = self._frames.base_in(child)
-        if base is not None:
-            pose = moved(pose, base)
+        self.note(self._frames.odometry_note())
         self._ordered("pose", time)
         if self._poses.add(time, pose, floor):
             self._tick(time)
-            return pose
+            return self._frames.base(pose)
         self.drop("pose not finite", f"a pose must be finite, got {pose} at {time}: check the localisation")
         return None
 

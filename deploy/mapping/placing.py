@@ -131,7 +131,8 @@ class Placing:
         else:
             found = self._poses.at(time, tolerance)
             if found is not None:
-                pose, floor = found
+                floor = found[1]
+                pose = self._frames.base(found[0])
                 return Transform.planar(pose.x, pose.y, pose.yaw, floor + self._sensing.pose_height), floor
         raise NoPlaceError(
             "no pose",

@@ -146,6 +146,9 @@ def test_an_odometry_of_another_frame_of_the_robot_tells_where_the_base_is():
     place = composed(base(0), (0.3, 0.1, pi))
     robot.take("odometry", ros.odometry(1.0, "map", "tracking_camera", place))
     assert robot.map.pose.x == pytest.approx(base(0).x) and robot.map.pose.y == pytest.approx(base(0).y)
+    robot.take("odometry", ros.odometry(1.1, "map", "base_link", Pose(9.0, 9.0)))
+    assert robot.map.pose.x == pytest.approx(base(0).x)
+    assert "'tracking_camera'" in robot.told[-1] and "'base_link'" in robot.told[-1]
     unknown = Robot()
     unknown.take("odometry", ros.odometry(1.0, "map", "imu", place))
     assert any("'imu'" in told and "frames.base=imu" in told for told in unknown.told)
