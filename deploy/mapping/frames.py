@@ -54,7 +54,7 @@ class Frames:
         if child != "":
             self._child = self._child or child
             if child != self._child:
-                return f"the odometry changed from the pose of {self._child!r} to that of {child!r}: let one node publish it"
+                return f"the odometry changed from the pose of {self._child!r} to {child!r}: let one node publish it"
         if frame == "":
             return ""
         if self._odometry is None:
