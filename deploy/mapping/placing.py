@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from deploy.mapping.frames import Frames, Place, plain
 from deploy.mapping.log_odds import Beams
 from deploy.mapping.pose_buffer import PoseBuffer
 from deploy.mapping.transforms import Transform, TransformTree
+
+# A base may be so high above the floor, metres; TF and the configured height of the lidar contradict each other by more.
+_HEIGHT_OFF: Final = 0.4
 
 
 class NoPlaceError(MappingError):
@@ -100,6 +104,8 @@ class Placing:
             in_map = None if place is None else place.in_map
             data = in_map if in_map is not None else base if in_base else base @ above
             return Placed(base, above, data, floor, note)
+        if not is_scan:
+            note = self._height_note(frame, mount)
         if self._by_tf:
             floor = (base @ mount).translation[2] - height
         else:
@@ -107,6 +113,17 @@ class Placing:
             x, y, _ = base.translation
             base = Transform((x, y, floor + height - mount.translation[2]), base.rotation)
         return Placed(base, mount, base @ mount, floor, note)
+
+    def _height_note(self, frame: str, mount: Transform) -> str:
+        """Return what to say where TF and the configuration disagree about the height of a lidar."""
+        height = self._sensing.sensor_height
+        by_tf = mount.translation[2] + (0.0 if self._by_tf else self._sensing.pose_height)
+        if abs(by_tf - height) <= _HEIGHT_OFF:
+            return ""
+        return (
+            f"by TF the lidar's frame {frame!r} lies {by_tf:.2f} m above {self._base!r}, but sensing.sensor_height says "
+            f"{height:g} m above the floor, and that counts: set it, or obstacles are looked for at the wrong height"
+        )
 
     def _assumed(self, frame: str, is_scan: bool) -> str:
         """Return what to say where the configuration alone tells where a sensor sits."""

@@ -180,6 +180,14 @@ def test_a_cloud_is_taken_in_the_frame_of_its_header_whatever_the_setting(settin
     assert seen.walls_are_right()
 
 
+def test_a_lidar_whose_height_by_tf_is_not_the_configured_one_is_named():
+    robot = Robot(*POINTS)
+    mount = ros.transform(0.0, "base_link", "mast", Pose(0.0, 0.0), 1.6)
+    robot.take("static_transforms", ros.transform_message([mount]))
+    clouds(robot, "mast", in_map=False, steps=3)
+    assert any("'mast'" in told and "sensing.sensor_height" in told for told in robot.told)
+
+
 def test_a_cloud_in_a_frame_that_nobody_knows_is_refused_by_name():
     robot = Robot(*POINTS)
     clouds(robot, "velodyne", in_map=False)
