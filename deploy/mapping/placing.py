@@ -15,7 +15,7 @@ from deploy.mapping.log_odds import Beams
 from deploy.mapping.pose_buffer import PoseBuffer
 from deploy.mapping.transforms import Transform, TransformTree
 
-# A base may be so high above the floor, metres; TF and the configured height of the lidar contradict each other by more.
+# A base may lie so high above the floor, metres; beyond that TF and the configured height of the lidar disagree.
 _HEIGHT_OFF: Final = 0.4
 
 
@@ -121,8 +121,8 @@ class Placing:
         if abs(by_tf - height) <= _HEIGHT_OFF:
             return ""
         return (
-            f"by TF the lidar's frame {frame!r} lies {by_tf:.2f} m above {self._base!r}, but sensing.sensor_height says "
-            f"{height:g} m above the floor, and that counts: set it, or obstacles are looked for at the wrong height"
+            f"by TF the lidar's frame {frame!r} lies {by_tf:.2f} m above {self._base!r}, but sensing.sensor_height "
+            f"says {height:g} m above the floor, and counts: correct one, or obstacles are sought at a wrong height"
         )
 
     def _assumed(self, frame: str, is_scan: bool) -> str:
