@@ -32,6 +32,9 @@ MAX_WAITING: Final = 40
 MAX_READY: Final = 50
 # A sensor's frame may come on /tf_static so much later than its first message, seconds; messages wait for it.
 FRAME_PATIENCE: Final = 2.0
+# Frames and notes come from outside: of more different ones than a robot can have none is remembered.
+MAX_STREAMS: Final = 1000
+MAX_NOTES: Final = 100
 # A stamp that lies so much further back than the newest one means that the clock was set back, seconds.
 CLOCK_JUMP: Final = 10.0
 
@@ -181,7 +184,7 @@ class Intake:
 
     def note(self, note: str) -> None:
         """Keep what an operator has to know, and log it, once; nothing for an empty text."""
-        if note and note not in self._noted:
+        if note and note not in self._noted and len(self._noted) < MAX_NOTES:
             self._noted.add(note)
             self.warn(note)
 
@@ -220,8 +223,11 @@ class Intake:
         if not np.isfinite(message.time):
             self.drop("stamp not finite", f"a message needs a finite stamp, got {message.time}: correct its publisher")
             return
-        kind = message.kind
-        if self._ordered(f"{kind} in {message.frame!r}", message.time) in {Order.LATE, Order.REPEATED}:
+        kind, stream = message.kind, f"{message.kind} in {message.frame!r}"
+        if stream not in self._orders and len(self._orders) >= MAX_STREAMS:
+            self.drop("too many frames", f"messages came in {MAX_STREAMS} frames, the last in {message.frame!r}")
+            return
+        if self._ordered(stream, message.time) in {Order.LATE, Order.REPEATED}:
             self.drop(f"{kind} outdated", f"a {kind} came with the stamp {message.time:.3f} s, which is no news")
             return
         self._tick(message.time)

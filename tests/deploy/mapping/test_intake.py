@@ -122,6 +122,15 @@ def test_the_sensors_place_on_the_base_by_configuration_and_by_tf():
     assert intake.obstacles()[0] == pytest.approx([5.5, 0.0])
 
 
+def test_frames_without_end_are_not_remembered():
+    intake = Intake(configure())
+    drive(intake, 0.0, 1.0)
+    for number in range(1500):
+        intake.add_scan(0.5, SCAN, f"frame {number}")
+    assert intake.dropped["too many frames"] > 0
+    assert intake.waiting <= MAX_WAITING
+
+
 def test_a_lidar_that_hangs_upside_down_sees_left_and_right_exchanged():
     intake = Intake(configure())
     intake.add_transforms([(0.0, "base_link", "lidar", (0.0, 0.0, 0.4), HALF_TURN)], True)
