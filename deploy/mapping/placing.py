@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import pi, remainder
 from typing import Final
 
 import numpy as np
@@ -17,6 +18,8 @@ from deploy.mapping.transforms import Transform, TransformTree
 
 # A base may lie so high above the floor, metres; beyond that TF and the configured height of the lidar disagree.
 _HEIGHT_OFF: Final = 0.4
+# The same for its place on the base, metres and radians.
+_PLACE_OFF: Final = 0.1
 
 
 class NoPlaceError(MappingError):
@@ -104,8 +107,7 @@ class Placing:
             in_map = None if place is None else place.in_map
             data = in_map if in_map is not None else base if in_base else base @ above
             return Placed(base, above, data, floor, note)
-        if not is_scan:
-            note = self._height_note(frame, mount)
+        note = self._offset_note(frame, mount) or ("" if is_scan else self._height_note(frame, mount))
         if self._by_tf:
             floor = (base @ mount).translation[2] - height
         else:
@@ -113,6 +115,18 @@ class Placing:
             x, y, _ = base.translation
             base = Transform((x, y, floor + height - mount.translation[2]), base.rotation)
         return Placed(base, mount, base @ mount, floor, note)
+
+    def _offset_note(self, frame: str, mount: Transform) -> str:
+        """Return what to say where TF and the configuration disagree about the place of a sensor."""
+        sensing, by_tf = self._sensing, mount.pose
+        x, y, yaw = sensing.sensor_offset
+        off = max(by_tf.distance_to((x, y)), abs(remainder(by_tf.yaw - yaw, 2.0 * pi)))
+        if "sensor_offset" not in sensing.model_fields_set or off <= _PLACE_OFF:
+            return ""
+        return (
+            f"by TF the frame {frame!r} lies at ({by_tf.x:.2f}, {by_tf.y:.2f}, {by_tf.yaw:.2f}) on {self._base!r}, and "
+            f"that counts; sensing.sensor_offset says {sensing.sensor_offset}: correct one, or leave it out"
+        )
 
     def _height_note(self, frame: str, mount: Transform) -> str:
         """Return what to say where TF and the configuration disagree about the height of a lidar."""

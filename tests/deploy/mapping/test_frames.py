@@ -106,6 +106,13 @@ def test_a_robot_without_tf_is_told_what_its_lidar_is_taken_for():
     assert quiet.walls_are_right() and not any(quiet.told)
 
 
+def test_an_offset_that_tf_contradicts_is_named():
+    robot = Robot("sensing.sensor_offset=0.5,0,0")
+    drive(robot, "laser", tf_at=0, steps=20)
+    assert robot.walls_are_right()
+    assert any("'laser'" in told and "sensing.sensor_offset" in told for told in robot.told)
+
+
 def test_a_scan_in_the_frame_of_the_map_is_refused_by_name():
     robot = Robot()
     drive(robot, "map")
