@@ -36,8 +36,8 @@ class Frames:
     def __init__(self, config: DeployConfig, tree: TransformTree) -> None:
         """Look frames up in a tree that somebody else fills."""
         self._tree = tree
-        self._map = plain(config.frames.map)
-        self._base = plain(config.frames.base)
+        self._map = config.frames.map
+        self._base = config.frames.base
         self._by_tf = config.sensing.pose == "tf"
         self._offset_given = "sensor_offset" in config.sensing.model_fields_set
         self._odometry: str | None = None

@@ -11,7 +11,7 @@ import numpy as np
 from common.errors import MappingError
 from common.geometry import Pose, Scan
 from deploy.config import DeployConfig
-from deploy.mapping.frames import Frames, Place, plain
+from deploy.mapping.frames import Frames, Place
 from deploy.mapping.log_odds import Beams
 from deploy.mapping.pose_buffer import PoseBuffer
 from deploy.mapping.transforms import Transform, TransformTree
@@ -60,7 +60,7 @@ class Placing:
         """Look things up in what somebody else fills."""
         self._sensing = config.sensing
         self._by_tf = config.sensing.pose == "tf"
-        self._map, self._base = plain(config.frames.map), plain(config.frames.base)
+        self._map, self._base = config.frames.map, config.frames.base
         self._tree = tree
         self._poses = poses
         self._frames = frames

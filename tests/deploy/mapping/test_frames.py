@@ -106,6 +106,12 @@ def test_a_robot_without_tf_is_told_what_its_lidar_is_taken_for():
     assert quiet.walls_are_right() and not any(quiet.told)
 
 
+def test_frames_of_the_configuration_may_have_the_slash_of_ros_1():
+    robot = Robot("frames.map=/map", "frames.base=/base_link")
+    drive(robot, "laser", tf_at=0, steps=20)
+    assert robot.walls_are_right() and not any(robot.told)
+
+
 def test_an_offset_that_tf_contradicts_is_named():
     robot = Robot("sensing.sensor_offset=0.5,0,0")
     drive(robot, "laser", tf_at=0, steps=20)
