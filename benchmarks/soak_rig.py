@@ -53,7 +53,7 @@ class Rig(Closing):
         link: between the robot's network and bridge and watchdog.
         bridge: its process.
         heard: kinds of faults, states of the watchdog, and warnings that were told since it was cleared.
-        memory: samples (time, bytes) by process number; watchdogs are not among them.
+        memory: samples (time, bytes) by process number of the bridges, from their first status on.
     """
 
     def __init__(self, options: RobotOptions, folder: Path) -> None:
@@ -174,8 +174,11 @@ class Rig(Closing):
         if now - self._asked < 1.0:
             return
         self._asked = now
-        with contextlib.suppress(psutil.Error):
-            self.memory.setdefault(self.bridge.pid, []).append((now, psutil.Process(self.bridge.pid).memory_info().rss))
+        if self._status:
+            # From its first word on: until then it compiles and loads.
+            with contextlib.suppress(psutil.Error):
+                size = psutil.Process(self.bridge.pid).memory_info().rss
+                self.memory.setdefault(self.bridge.pid, []).append((now, size))
         state = self.status.get("state")
         if state in {"idle", "finished", "failed", "aborted"} and not self.status.get("emergency_stop"):
             self._target = (self._target + 1) % len(self.robot.places)
