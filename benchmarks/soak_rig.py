@@ -83,7 +83,7 @@ class Rig(Closing):
         self._publishers["joy"] = self._node.publisher(topics.joy, "sensor_msgs/msg/Joy")
         self.robot = SoakRobot(options, self.config, self._node)
         self.link = Link(endpoint)
-        self.bridge = self.start_bridge()
+        self.bridge = self._spawn("bridge", "w")
 
     @property
     def status(self) -> dict[str, Any]:
@@ -95,11 +95,11 @@ class Rig(Closing):
         """Seconds since the last velocity came."""
         return self._velocity.age()
 
-    def start_bridge(self) -> subprocess.Popen[bytes]:
-        """Start a bridge in the place of one that is gone."""
+    def start_bridge(self) -> None:
+        """Start a bridge in the place of one that was killed."""
+        self.bridge.wait()
         self._status = {}
         self.bridge = self._spawn("bridge", "a")
-        return self.bridge
 
     def try_second_bridge(self) -> None:
         """Start another bridge of the same name, and hear that it refuses."""
