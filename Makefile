@@ -5,9 +5,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 JOBS ?= 2
+MINUTES ?= 30
 
 .DEFAULT_GOAL := help
-.PHONY: help install run demo test test-all lint types format docs bench clean
+.PHONY: help install run demo test test-all lint types format docs bench soak clean
 
 help:  ## show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -50,6 +51,9 @@ docs: $(STAMP)  ## write the pages that are made from the code
 
 bench: $(STAMP)  ## measure: decision step, simulators, inference, actors, updates, ingest, memory
 	$(BIN)/python -m benchmarks
+
+soak: $(STAMP)  ## half an hour of physics in which something fails every minute: a table of each stop (MINUTES=30)
+	$(BIN)/python -m benchmarks.soak --minutes $(MINUTES)
 
 clean:  ## remove caches and the environment, never runs/
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis build *.egg-info

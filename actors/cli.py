@@ -16,7 +16,7 @@ from actors.supervisor import Supervisor
 from common.bus.liveness import present
 from common.bus.session import open_client_session
 from common.bus.spec import list_runs
-from common.cli import Version, command_errors, completing
+from common.cli import CommandApp, Version, command_errors, completing
 from common.config.schema import BusConfig
 from common.errors import ConfigError
 from common.extensions import SIMULATORS
@@ -28,7 +28,7 @@ from common.runtime import process_environment, python_module
 
 log = logging.getLogger(__name__)
 
-app = typer.Typer(add_completion=True, no_args_is_help=False, pretty_exceptions_enable=False)
+app = CommandApp(add_completion=True, no_args_is_help=False, pretty_exceptions_enable=False)
 
 EXAMPLES = """
 Examples:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import functools
+import io
 import sys
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
-from typing import Annotated, ParamSpec, TypeVar
+from typing import Annotated, Any, ParamSpec, TypeVar
 
 import typer
 from rich.console import Console
@@ -20,6 +21,21 @@ R = TypeVar("R")
 
 EXIT_ERROR = 1
 EXIT_INTERRUPTED = 130
+
+
+class CommandApp(typer.Typer):
+    """A command with subcommands, whose output every terminal can show.
+
+    What the terminal's encoding lacks (a C or Latin-1 locale, a redirected stream) is written as its number, such as
+    ``\\u2265``, and does not end the command.
+    """
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Run the command that the arguments name; see `typer.Typer`."""
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, io.TextIOWrapper):
+                stream.reconfigure(errors="backslashreplace")
+        return super().__call__(*args, **kwargs)
 
 
 def command_errors(function: Callable[P, R]) -> Callable[P, R]:

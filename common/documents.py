@@ -8,6 +8,8 @@ import tomllib
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
+from common.text_files import decode_text
+
 MAX_BYTES: Final = 1 << 20
 """Longest file of settings, of a card or of access rules; real ones have a few kilobytes."""
 MAX_TOML_BYTES: Final = 1 << 17
@@ -23,7 +25,7 @@ def read_text(path: Path, most: int = MAX_BYTES) -> str:
     """Return the text of a file of at most ``most`` bytes.
 
     Raises:
-        DocumentError: it is larger, or no UTF-8.
+        DocumentError: it is larger, or no text (see `decode_text`).
         OSError: it cannot be read.
     """
     with path.open("rb") as file:
@@ -31,9 +33,9 @@ def read_text(path: Path, most: int = MAX_BYTES) -> str:
     if len(data) > most:
         raise DocumentError(f"must have at most {most:,} bytes, and has more")
     try:
-        return data.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise DocumentError(f"must be UTF-8 text: {error.reason} at byte {error.start}") from None
+        return decode_text(data)
+    except ValueError as error:
+        raise DocumentError(f"cannot be read: {error}") from None
 
 
 def parse_json(text: str | bytes) -> Any:

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from common.bus.control import request
 from common.bus.fleet import Answers, bridges_at, command_all
-from common.cli import add_version, command_errors
+from common.cli import CommandApp, add_version, command_errors
 from common.config.describe import to_markdown, to_toml
 from common.errors import BusError
 from common.logs import setup_logging
@@ -33,7 +33,7 @@ from deploy.ros2.session import guest_of, open_session
 # Seconds in which a bridge shows up that is there.
 _LOOK = 2.0
 
-app = typer.Typer(
+app = CommandApp(
     add_completion=True,
     no_args_is_help=True,
     pretty_exceptions_enable=False,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from math import pi
 from typing import Annotated, Final, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -68,6 +69,13 @@ class SensingConfig(Section):
     """Voxel of the OctoMap, metres."""
     pose_tolerance: Positive = 0.2
     """A scan waits for a pose at most so much later or earlier than its stamp, seconds; else it is dropped."""
+
+    @field_validator("sensor_offset")
+    @classmethod
+    def _yaw_is_in_radians(cls, value: tuple[float, float, float]) -> tuple[float, float, float]:
+        if abs(value[2]) > 2.0 * pi:
+            raise ValueError("the third number is a yaw in radians, at most 2 pi: is it in degrees?")
+        return value
 
     @model_validator(mode="after")
     def _bounds_are_ordered(self) -> SensingConfig:
@@ -169,7 +177,7 @@ class SafetyConfig(Section):
     """What makes the robot stop."""
 
     scan_timeout: Positive = 1.0
-    """Zero velocity when no scan, cloud or map came for so long, seconds."""
+    """Zero velocity when no scan or cloud came for so long, seconds; maps may come only once."""
     pose_timeout: Positive = 1.0
     """Zero velocity when no pose came for so long, seconds."""
     min_beams: Fraction = 0.1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from common.config.schema import Section
 
@@ -50,6 +50,12 @@ class FramesConfig(Section):
     """Frame of the odometry, where the profile uses TF."""
     base: str = "base_link"
     """The robot's own frame."""
+
+    @field_validator("map", "odom", "base")
+    @classmethod
+    def _without_slash(cls, value: str) -> str:
+        # Headers are read without the slash of ROS 1 too.
+        return value.lstrip("/")
 
 
 class TopicsConfig(Section):

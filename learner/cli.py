@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from common.cli import add_version, command_errors, completing
+from common.cli import CommandApp, add_version, command_errors, completing
 from common.config.describe import to_markdown, to_toml
 from common.config.load import load_config, preset_names
 from common.config.schema import RunConfig
@@ -23,7 +23,7 @@ from common.logs import log_file, setup_logging
 from common.runtime import restart_prepared
 from learner.remote_cli import add_remote_commands
 
-app = typer.Typer(
+app = CommandApp(
     name="hd-learner",
     help="The learner: collects experience from actors over the bus, trains the planner, and hands out its policy.",
     no_args_is_help=True,

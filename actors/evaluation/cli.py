@@ -15,12 +15,12 @@ from actors.evaluation.large.cli import app as large_app
 from actors.evaluation.options import ConfigFile, Limit, Maps, Overrides, Start, Target, TaskName, resolve
 from actors.evaluation.progress import planner_list, run_and_show
 from actors.evaluation.results_cli import app as results_app
-from common.cli import EXIT_ERROR, add_version, command_errors, completing
+from common.cli import EXIT_ERROR, CommandApp, add_version, command_errors, completing
 from common.extensions import SIMULATORS
 from common.logs import setup_logging
 from common.tasks import EXPLORATION
 
-app = typer.Typer(
+app = CommandApp(
     name="hd-eval",
     help="Evaluation: run planners on maps, compare them, show and recount what they did.",
     no_args_is_help=True,

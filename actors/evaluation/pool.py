@@ -71,7 +71,7 @@ class _Worker:
             env=process_environment(threads=1),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            text=True,
+            encoding="utf-8",
             # Ctrl-C is for this process alone, which then stops its workers; when it is killed, its reaper does.
             process_group=group,
         )

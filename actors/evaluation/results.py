@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from common.errors import HDError
 from common.ids import ID_PATTERN
+from common.text_files import decode_text
 
 # Coordinates and distances are rounded to so many places: far below a cell, and files stay small.
 PLACES = 4
@@ -157,7 +158,7 @@ def read_results(path: Path) -> Results:
 def read_record(path: Path, kind: type[R], command: str) -> R:
     """Read and check results of some kind, which a command makes. See `read_results`."""
     try:
-        return kind.model_validate_json(path.read_bytes())
+        return kind.model_validate_json(decode_text(path.read_bytes()))
     except OSError as error:
         raise ResultsError(f"cannot read {path} ({error.strerror}): name a results file of '{command}'") from error
     except ValidationError as error:
@@ -166,6 +167,8 @@ def read_record(path: Path, kind: type[R], command: str) -> R:
         raise ResultsError(
             f"{path} is no results file of '{command}': {where}: {first['msg']} ({error.error_count()} problems)"
         ) from error
+    except ValueError as error:
+        raise ResultsError(f"{path} is no results file of '{command}': {error}") from error
 
 
 def collect_results(places: Sequence[Path]) -> list[Results]:

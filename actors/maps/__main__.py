@@ -17,11 +17,11 @@ from actors.maps.pictures import contact_sheet, distributions
 from actors.maps.png import write_png
 from actors.maps.sources import fixed_set, open_sources
 from actors.maps.statistics import MEASURES, distance, measure_all
-from common.cli import command_errors
+from common.cli import CommandApp, command_errors
 from common.errors import MapError
 from common.extensions import GENERATOR_PREFIX, GENERATORS
 
-app = typer.Typer(help="Look at maps: compare two sets, show them, write generated ones as PNG.", no_args_is_help=True)
+app = CommandApp(help="Look at maps: compare two sets, show them, write generated ones as PNG.", no_args_is_help=True)
 
 Count = Annotated[int, typer.Option(min=1, help="Maps to take, spread evenly over a folder.")]
 Scale = Annotated[float, typer.Option(help="Metres per pixel.")]

@@ -56,9 +56,11 @@ def load_image(
     if start_marker is not None:
         start = _centre(start_marker, metres_per_pixel)
     elif start is None:
+        # Gray 205 is what the map saver of ROS writes for unknown.
+        ros = "; this looks like the image of a ROS map: name its YAML file" if (classes == UNKNOWN).any() else ""
         raise MapError(
             f"{path}: expected one {START_MARKER}, found none: paint one on free space, or give the start in metres, "
-            f"--start X Y or {path.name}?start=X,Y"
+            f"--start X Y or {path.name}?start=X,Y{ros}"
         )
     if target_marker is not None:
         target = _centre(target_marker, metres_per_pixel)

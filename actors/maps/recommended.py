@@ -30,7 +30,7 @@ from pydantic import Field, ValidationError
 
 from common.config.load import resolve
 from common.config.schema import Section
-from common.documents import DocumentError, parse_toml
+from common.documents import DocumentError, parse_toml, read_text
 from common.errors import ConfigError, MapError
 
 FILE_NAME: Final = "worlds.toml"
@@ -112,8 +112,8 @@ def read_folder(folder: Path) -> Recommendation:
             return Recommendation()
         if path.stat().st_size > _LARGEST_FILE:
             raise MapError(f"{path}: expected settings of worlds, got more than {_LARGEST_FILE:,} bytes: shorten it")
-        text = path.read_bytes().decode("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text(path)
+    except (OSError, ValueError) as error:
         raise MapError(f"{path}: cannot read the settings of these worlds ({error}): correct or remove it") from None
     return _parse(str(path), text)
 

@@ -28,6 +28,7 @@ from actors.maps.images import Pixels, read_pixels
 from actors.maps.placing import Position, place
 from actors.maps.turning import turn, turned_resolution
 from common.errors import MapError
+from common.text_files import decode_text
 
 Mode = Literal["trinary", "scale", "raw"]
 
@@ -103,6 +104,8 @@ def read_map_server_file(path: Path) -> MapServerFile:
             f"{path}: expected origin to be [x, y, yaw] in metres and radians, got {_shown(origin)}: correct it"
         )
     x, y, yaw = (_number(path, "origin", value) for value in origin)
+    if abs(yaw) > 4.0 * math.pi:
+        raise MapError(f"{path}: expected the yaw of origin in radians, got {yaw:g}: is it in degrees? correct it")
     resolution = _number(path, "resolution", values["resolution"])
     if not 0.0 < resolution <= 10.0:
         raise MapError(f"{path}: expected resolution in metres per pixel, 0 to 10, got {resolution:g}: correct it")
@@ -221,9 +224,11 @@ def _read(path: Path) -> dict[Any, Any]:
     except OSError as error:
         raise MapError(f"{path}: cannot read it ({error.strerror}): check the file and its permissions") from error
     try:
-        values = yaml.safe_load(data.decode("utf-8-sig"))
-    except UnicodeDecodeError:
-        raise MapError(f"{path}: expected YAML in UTF-8, got another encoding: save it as UTF-8") from None
+        text = decode_text(data)
+    except ValueError as error:
+        raise MapError(f"{path}: {error}") from None
+    try:
+        values = yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         problem = " ".join(str(error).split())[:200]
         raise MapError(

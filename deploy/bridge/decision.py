@@ -290,7 +290,7 @@ class DecisionLoop:
             return
         text = f"{found.text} ({plan.reason})" if exploring else plan.reason
         done = exploring or plan.status is Status.COMPLETE
-        if self._checks.passed(self._version):
+        if self._checks.passed(self._version, self._clock()):
             self._unseen = found.unseen if exploring else None
             self._end(Phase.FINISHED if done else Phase.FAILED, text)
         else:

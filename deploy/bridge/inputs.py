@@ -10,7 +10,7 @@ from common.geometry import Pose
 from deploy.config import DeployConfig
 from deploy.mapping.robot_map import RobotMap
 from deploy.ros2 import LATCHED, RELIABLE, SENSOR, STATIC, Message, Node, QoS, Received, RosError, seconds
-from deploy.ros2.conversions import grid_from, points_from, pose_from, scan_from, transforms_from
+from deploy.ros2.conversions import cloud_note, grid_from, points_from, pose_from, scan_from, scan_note, transforms_from
 from deploy.safety.health import Fault, FaultKind, HealthMonitor
 from deploy.safety.sight import Sight
 
@@ -78,8 +78,9 @@ class Inputs:
         self._came("odometry", received)
         if self._config.sensing.pose == "odometry":
             floor = odometry.pose.pose.position.z - self._config.sensing.pose_height
-            self._map.add_pose(stamp, pose, floor)
-            self._moved(stamp, pose, received)
+            base = self._map.add_pose(stamp, pose, floor, odometry.header.frame_id, odometry.child_frame_id)
+            if base is not None:
+                self._moved(stamp, base, received)
 
     def take_transforms(self, transforms: Message, received: Received) -> None:
         """Take a tf2_msgs/TFMessage of /tf."""
@@ -107,6 +108,7 @@ class Inputs:
         except RosError as error:
             self._sensed("scan", received, stamp, Fault(FaultKind.SENSOR_INVALID, str(error)))
             raise
+        self._map.note(scan_note(scan))
         fault = self._sight["scan"].scan(scan, read, self._map.pose, received.time)
         if fault is None or fault.kind is FaultKind.SENSOR_BLIND:
             self._map.add_scan(stamp, read, scan.header.frame_id)
@@ -122,6 +124,7 @@ class Inputs:
         except RosError as error:
             self._sensed("points", received, stamp, Fault(FaultKind.SENSOR_INVALID, str(error)))
             raise
+        self._map.note(cloud_note(cloud))
         fault = self._sight["points"].points(cloud, points, self._map.pose, received.time)
         if fault is None or fault.kind is FaultKind.SENSOR_BLIND:
             self._map.add_points(stamp, points, cloud.header.frame_id)
@@ -132,7 +135,7 @@ class Inputs:
     def take_grid(self, grid: Message, received: Received) -> None:
         """Take a nav_msgs/OccupancyGrid."""
         cells, resolution, origin = grid_from(grid)
-        self._map.add_grid(seconds(grid.header.stamp), cells, resolution, origin)
+        self._map.add_grid(seconds(grid.header.stamp), cells, resolution, origin, grid.header.frame_id)
         self._sensed("grid", received)
 
     def _moved(self, stamp: float, pose: Pose, received: Received) -> None:

@@ -15,7 +15,9 @@ from common.errors import MappingError
 from common.geometry import Pose, Scan
 from deploy.config import DeployConfig
 from deploy.mapping.cloud import checked_points, project
+from deploy.mapping.frames import Frames, plain
 from deploy.mapping.log_odds import Beams
+from deploy.mapping.placing import NoPlaceError, Placed, Placing, planar_scan
 from deploy.mapping.pose_buffer import PoseBuffer
 from deploy.mapping.transforms import Transform, TransformTree
 from deploy.mapping.volume import ExploredVolume
@@ -25,11 +27,14 @@ logger = logging.getLogger(__name__)
 
 StampedTransform = tuple[float, str, str, tuple[float, float, float], tuple[float, float, float, float]]
 
-# Messages that may wait for a pose, and beams that may wait for the map: two and five seconds at 10 Hz.
-MAX_WAITING: Final = 20
+# Messages that may wait for a pose, and beams that may wait for the map: four and five seconds at 10 Hz.
+MAX_WAITING: Final = 40
 MAX_READY: Final = 50
 # A sensor's frame may come on /tf_static so much later than its first message, seconds; messages wait for it.
-FRAME_PATIENCE: Final = 1.0
+FRAME_PATIENCE: Final = 2.0
+# Frames and notes come from outside: of more different ones than a robot can have none is remembered.
+MAX_STREAMS: Final = 1000
+MAX_NOTES: Final = 100
 # A stamp that lies so much further back than the newest one means that the clock was set back, seconds.
 CLOCK_JUMP: Final = 10.0
 
@@ -57,6 +62,10 @@ class _Waiting:
     data: Scan | NDArray[np.float32]
     frame: str
 
+    @property
+    def kind(self) -> str:
+        return "scan" if isinstance(self.data, Scan) else "cloud"
+
 
 class Intake:
     """Poses, transforms and sensor messages of the last seconds; not thread-safe.
@@ -81,9 +90,13 @@ class Intake:
         self._by_tf = sensing.pose == "tf"
         self._poses = PoseBuffer()
         self._tree = TransformTree()
+        self._frames = Frames(config, self._tree)
+        self._placing = Placing(config, self._tree, self._poses, self._frames)
         self._waiting: deque[_Waiting] = deque()
         self._clock = float("-inf")
         self._first_of_frame: dict[str, float] = {}
+        self._given_up: set[str] = set()
+        self._noted: set[str] = set()
         self._orders: dict[str, StampOrder] = {}
         self.received = 0
         self.dropped: Counter[str] = Counter()
@@ -108,21 +121,31 @@ class Intake:
         """Newest pose of the base in the map frame."""
         if not self._by_tf:
             newest = self._poses.newest
-            return None if newest is None else newest[1]
+            return None if newest is None else self._frames.base(newest[1])
         frames = self._config.frames
         time = self._tree.newest(frames.map, frames.base)
         found = None if time is None else self._tree.lookup(frames.map, frames.base, time, 0.0)
         return None if found is None else found.pose
 
-    def add_pose(self, time: float, pose: Pose, floor: float) -> None:
-        """Add a pose of the odometry; it is ignored where poses come by TF."""
+    def add_pose(self, time: float, pose: Pose, floor: float, frame: str = "", child: str = "") -> Pose | None:
+        """Add a pose of the odometry, with the frames of its message; it is ignored where poses come by TF.
+
+        Returns:
+            That of the base, map frame; None when it does not count.
+        """
         if self._by_tf:
-            return
+            return None
+        problem = self._frames.odometry_problem(frame, child)
+        if problem:
+            self.drop("odometry in another frame", problem)
+            return None
+        self.note(self._frames.odometry_note())
         self._ordered("pose", time)
         if self._poses.add(time, pose, floor):
             self._tick(time)
-        else:
-            self.drop("pose not finite", f"a pose must be finite, got {pose} at {time}: check the localisation")
+            return self._frames.base(pose)
+        self.drop("pose not finite", f"a pose must be finite, got {pose} at {time}: check the localisation")
+        return None
 
     def add_transforms(self, transforms: Iterable[StampedTransform], static: bool) -> None:
         """Add transforms; those that are none are left out and counted."""
@@ -140,7 +163,7 @@ class Intake:
     def add_scan(self, time: float, scan: Scan, frame: str) -> None:
         """Add a scan."""
         if scan.range_max > 0.0:
-            self._enqueue(_Waiting(time, scan, frame))
+            self._enqueue(_Waiting(time, scan, plain(frame)))
         else:
             self.received += 1
             self.drop("scan refused", f"a scan needs a range_max above 0, got {scan.range_max}: correct the driver")
@@ -148,7 +171,7 @@ class Intake:
     def add_points(self, time: float, points: NDArray[np.float32], frame: str) -> None:
         """Add a point cloud."""
         try:
-            self._enqueue(_Waiting(time, checked_points(points), frame))
+            self._enqueue(_Waiting(time, checked_points(points), plain(frame)))
         except MappingError as error:
             self.received += 1
             self.drop("cloud refused", str(error))
@@ -159,12 +182,22 @@ class Intake:
             logger.warning("%s", problem)
         self.problem = problem
 
+    def note(self, note: str) -> None:
+        """Keep what an operator has to know, and log it, once; nothing for an empty text."""
+        if note and note not in self._noted and len(self._noted) < MAX_NOTES:
+            self._noted.add(note)
+            self.warn(note)
+
     def drop(self, reason: str, problem: str) -> None:
         """Count a message that was dropped, and say why in the log when it is the first one for that reason."""
         self.dropped[reason] += 1
         self.problem = problem
         if self.dropped[reason] == 1:
             logger.warning("%s (only the first is reported): %s", reason, problem)
+
+    def world(self, frame: str) -> Transform | None:
+        """Return where a frame of the world, such as that of a SLAM's map, lies in the map frame; None if unknown."""
+        return self._frames.world(frame)
 
     def resolve(self) -> None:
         """Place the messages whose poses are there."""
@@ -173,16 +206,9 @@ class Intake:
             if self._must_wait(message):
                 left.append(message)
                 continue
-            place = self._place(message)
-            if place is None:
-                self.drop(
-                    "no pose",
-                    f"no pose of {self._config.frames.base!r} within {self._sensing.pose_tolerance} s of the stamp "
-                    f"{message.time:.3f} s (newest pose: {self._newest_pose_time()}): check that lidar and "
-                    "localisation stamp by the same clock",
-                )
-                continue
-            self._take(message, *place)
+            placed = self._place(message)
+            if placed is not None:
+                self._take(message, placed)
         self._waiting = left
 
     def obstacles(self) -> NDArray[np.float64] | None:
@@ -197,8 +223,11 @@ class Intake:
         if not np.isfinite(message.time):
             self.drop("stamp not finite", f"a message needs a finite stamp, got {message.time}: correct its publisher")
             return
-        kind = "scan" if isinstance(message.data, Scan) else "cloud"
-        if self._ordered(f"{kind} in {message.frame!r}", message.time) in {Order.LATE, Order.REPEATED}:
+        kind, stream = message.kind, f"{message.kind} in {message.frame!r}"
+        if stream not in self._orders and len(self._orders) >= MAX_STREAMS:
+            self.drop("too many frames", f"messages came in {MAX_STREAMS} frames, the last in {message.frame!r}")
+            return
+        if self._ordered(stream, message.time) in {Order.LATE, Order.REPEATED}:
             self.drop(f"{kind} outdated", f"a {kind} came with the stamp {message.time:.3f} s, which is no news")
             return
         self._tick(message.time)
@@ -225,61 +254,40 @@ class Intake:
     def _tick(self, time: float) -> None:
         self._clock = time if time < self._clock - CLOCK_JUMP else max(self._clock, time)
 
-    def _newest_pose_time(self) -> float | None:
-        if self._by_tf:
-            return self._tree.newest(self._config.frames.map, self._config.frames.base)
-        return None if self._poses.newest is None else self._poses.newest[0]
-
     def _must_wait(self, message: _Waiting) -> bool:
-        newest = self._newest_pose_time()
+        newest = self._placing.newest_pose
         if newest is None:
             return True
         age = self._clock - message.time
         if newest < message.time and age <= self._sensing.pose_tolerance:
             return True
+        if message.frame in self._given_up or message.frame == "":
+            return False
+        if self._frames.find(message.frame, message.time) is not None:
+            return False
         first = self._first_of_frame.setdefault(message.frame, message.time)
-        patient = self._by_tf and message.frame != "" and 0.0 <= message.time - first <= FRAME_PATIENCE
-        return patient and age <= FRAME_PATIENCE and self._mount(message) is None
+        if 0.0 <= message.time - first <= FRAME_PATIENCE and age <= FRAME_PATIENCE:
+            return True
+        self._given_up.add(message.frame)
+        return False
 
-    def _mount(self, message: _Waiting) -> Transform | None:
-        """Where the sensor sits on the base, by TF."""
-        if message.frame in ("", self._config.frames.map):
+    def _place(self, message: _Waiting) -> Placed | None:
+        """Find out where a message was made; one of which that is not known is dropped."""
+        try:
+            placed = self._placing.place(message.time, message.frame, is_scan=isinstance(message.data, Scan))
+        except NoPlaceError as error:
+            self.drop(error.reason, str(error))
             return None
-        return self._tree.lookup(self._config.frames.base, message.frame, message.time, self._sensing.pose_tolerance)
+        self.note(placed.note)
+        return placed
 
-    def _place(self, message: _Waiting) -> tuple[Transform, Transform, float] | None:
-        """Return base in map, sensor in base, and the height of the floor."""
-        tolerance, frames = self._sensing.pose_tolerance, self._config.frames
-        mount = self._mount(message)
-        if self._by_tf:
-            base = self._tree.lookup(frames.map, frames.base, message.time, tolerance)
-            if base is None:
-                return None
-            if mount is not None:
-                return base, mount, (base @ mount).translation[2] - self._sensing.sensor_height
-            floor = base.translation[2]
-        else:
-            found = self._poses.at(message.time, tolerance)
-            if found is None:
-                return None
-            pose, floor = found
-            base = Transform.planar(pose.x, pose.y, pose.yaw, floor)
-        height = self._sensing.sensor_height
-        if mount is None:
-            mount = Transform.planar(*self._sensing.sensor_offset, z=floor + height - base.translation[2])
-        elif not self._by_tf:
-            # Odometry does not tell how high the base is; the lidar is as high above the floor as is configured.
-            base = Transform.planar(pose.x, pose.y, pose.yaw, floor + height - mount.translation[2])
-        return base, mount, floor
-
-    def _take(self, message: _Waiting, base: Transform, mount: Transform, floor: float) -> None:
-        sensing = self._sensing
-        sensor = base @ mount
+    def _take(self, message: _Waiting, placed: Placed) -> None:
+        sensing, transform = self._sensing, placed.data
+        sensor = placed.base @ placed.mount
         if isinstance(message.data, Scan):
-            beams, pose = planar_scan(message.data, base, mount, sensing.range_min, self._range_max)
+            beams, pose = planar_scan(message.data, placed.base, placed.mount, sensing.range_min, self._range_max)
         else:
-            transform = Transform() if sensing.points_frame == "map" else sensor
-            beams = project(message.data, transform, sensor.translation, floor, sensing, self._range_max)
+            beams = project(message.data, transform, sensor.translation, placed.floor, sensing, self._range_max)
             pose = Pose(sensor.translation[0], sensor.translation[1])
             self.volume.add(
                 message.data,
@@ -289,7 +297,7 @@ class Intake:
                 sensing.range_min,
                 self._range_max,
             )
-            self.cloud = Cloud(message.data, transform, sensor.translation, floor)
+            self.cloud = Cloud(message.data, transform, sensor.translation, placed.floor)
         kind = type(message.data)
         newest = self._newest.get(kind)
         if newest is None or not newest[0] - CLOCK_JUMP <= message.time < newest[0]:
@@ -299,20 +307,3 @@ class Intake:
             if len(self.ready) > MAX_READY:
                 self.ready.popleft()
                 self.drop("map not refreshed", f"more than {MAX_READY} scans wait for the map: refresh it more often")
-
-
-def planar_scan(
-    scan: Scan, base: Transform, mount: Transform, range_min: float, range_max: float
-) -> tuple[Beams, Pose]:
-    """Return a scan's beams and the planar pose of its sensor, which may hang upside down."""
-    pose, place = base.pose, mount.pose
-    sine, cosine = np.sin(pose.yaw), np.cos(pose.yaw)
-    sensor = Pose(
-        float(pose.x + cosine * place.x - sine * place.y),
-        float(pose.y + sine * place.x + cosine * place.y),
-        pose.yaw + place.yaw,
-    )
-    beams = Beams.from_scan(scan, range_min, range_max)
-    if mount.matrix()[2, 2] < 0.0:
-        beams = Beams(beams.ranges, beams.hits, -beams.angle_min, -beams.angle_increment)
-    return beams, sensor

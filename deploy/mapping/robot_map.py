@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import floor
 
 import numpy as np
@@ -21,6 +21,7 @@ from deploy.mapping.intake import Intake, StampedTransform
 from deploy.mapping.log_odds import Beams, LogOddsGrid
 from deploy.mapping.octomap import OctoMap
 from deploy.mapping.slam_grid import SlamGrid, resample, strangeness
+from deploy.mapping.transforms import Transform
 from deploy.safety.stamps import Order, StampOrder
 
 logger = logging.getLogger(__name__)
@@ -79,7 +80,9 @@ class RobotMap:
         self._intake = Intake(config)
         self._grids_received = 0
         self._grid_order = StampOrder()
-        self._grid_pending: SlamGrid | None = None
+        # The newest map is kept: one that is latched comes only once.
+        self._grid_newest: tuple[SlamGrid, str] | None = None
+        self._grid_pending: tuple[SlamGrid, str] | None = None
         self._target = target
         self._cells: CellGrid | None = None
         self._writer: BeliefWriter | None = None
@@ -87,16 +90,21 @@ class RobotMap:
         self._integrated = 0
         self.reset(target)
 
-    def add_pose(self, time: float, pose: Pose, floor: float = 0.0) -> None:
-        """Add a pose of the base in the map frame (``sensing.pose: odometry``).
+    def add_pose(self, time: float, pose: Pose, floor: float = 0.0, frame: str = "", child: str = "") -> Pose | None:
+        """Add a pose of the odometry (``sensing.pose: odometry``).
 
         Args:
             time: its stamp, seconds of the robot's clock.
-            pose: of the base.
+            pose: of the frame ``child``.
             floor: height of the floor below it in the map frame, metres; counts for clouds in the map frame.
+            frame: that of the pose, which is taken for the map frame unless TF says that it is another.
+            child: the base, when not given; for another frame of the robot TF tells where the base is.
+
+        Returns:
+            The pose of the base in the map frame; None where it does not count.
         """
         with self._intake_lock:
-            self._intake.add_pose(time, pose, floor)
+            return self._intake.add_pose(time, pose, floor, frame, child)
 
     def add_transforms(self, transforms: Iterable[StampedTransform], *, static: bool = False) -> None:
         """Add transforms, for poses (``sensing.pose: tf``) and for where sensors sit on the base.
@@ -114,7 +122,7 @@ class RobotMap:
         Args:
             time: its stamp, seconds of the robot's clock.
             scan: in the sensor's frame.
-            frame: that of its header; where TF does not know it, ``sensing.sensor_offset`` counts.
+            frame: that of its header; where the robot has no TF, ``sensing.sensor_offset`` counts.
         """
         with self._intake_lock:
             self._intake.add_scan(time, scan, frame)
@@ -124,8 +132,9 @@ class RobotMap:
 
         Args:
             time: its stamp, seconds of the robot's clock.
-            points: shape (n, 3 or more), metres, in the frame of ``sensing.points_frame``; copied.
-            frame: that of its header, as for scans.
+            points: shape (n, 3 or more), metres; copied.
+            frame: that of its header: the map frame, or one that TF knows; ``sensing.points_frame`` counts where there
+                is none, or where the robot has no TF.
         """
         with self._intake_lock:
             self._intake.add_points(time, points, frame)
@@ -141,16 +150,29 @@ class RobotMap:
             self._intake.received += 1
             self._intake.drop(reason, problem)
 
+    def note(self, problem: str) -> None:
+        """Tell the operator once of something strange about messages that are used all the same."""
+        with self._intake_lock:
+            self._intake.note(problem)
+
     def add_grid(
-        self, time: float, cells: NDArray[np.int8], resolution: float, origin: tuple[float, float, float]
+        self,
+        time: float,
+        cells: NDArray[np.int8],
+        resolution: float,
+        origin: tuple[float, float, float],
+        frame: str = "",
     ) -> None:
         """Take the map of the robot's own SLAM (``sensing.source: grid``); only the newest one counts.
+
+        One in another frame than the map's waits until TF tells where that frame lies.
 
         Args:
             time: its stamp, seconds of the robot's clock.
             cells: -1 or 0 to 100, int8, shape (rows, columns), row 0 at the bottom.
             resolution: metres per cell.
-            origin: x, y (metres) and yaw (radians) of the lower left corner of cell (0, 0) in the map frame.
+            origin: x, y (metres) and yaw (radians) of the lower left corner of cell (0, 0).
+            frame: that of its header, in which the origin is.
         """
         with self._intake_lock:
             self._grids_received += 1
@@ -165,7 +187,7 @@ class RobotMap:
                     "above 1, so that its walls would be free: publish 100 where it says 1",
                 )
             else:
-                self._grid_pending = SlamGrid(cells, resolution, origin)
+                self._grid_newest = self._grid_pending = SlamGrid(cells, resolution, origin), frame
 
     def refresh(self) -> Mapper | None:
         """Apply what came and bring the Mapper up to date at the newest pose.
@@ -182,7 +204,7 @@ class RobotMap:
                 ready = list(self._intake.ready)
                 self._intake.ready.clear()
                 cloud, self._intake.cloud = self._intake.cloud, None
-                grid, self._grid_pending = self._grid_pending, None
+                grid = self._placed_grid()
                 pose = self._intake.pose
             if self._octomap is not None and cloud is not None:
                 self._octomap.insert(cloud)
@@ -260,7 +282,8 @@ class RobotMap:
         with self._map_lock, self._intake_lock:
             self._target = target
             self._intake.forget()
-            self._grid_pending = self._cells = self._writer = None
+            self._grid_pending = self._grid_newest
+            self._cells = self._writer = None
             self._grid_order = StampOrder()
             self._integrated = 0
             self._octomap = self._new_octomap()
@@ -301,6 +324,23 @@ class RobotMap:
         part = (x + left * voxel, y + top * voxel, x + (right + 1) * voxel, y + (bottom + 1) * voxel)
         grid = SlamGrid(columns.states, voxel, (x, y, 0.0))
         self._cells.write(*resample(grid, self._config.sensing, mapping.resolution, self._cells.anchor, part))
+
+    def _placed_grid(self) -> SlamGrid | None:
+        """Return the map that came, in the map frame; None while there is none, or its frame is not known."""
+        if self._grid_pending is None:
+            return None
+        grid, frame = self._grid_pending
+        place = self._intake.world(frame)
+        if place is None:
+            self._intake.note(
+                f"an OccupancyGrid is in the frame {frame!r}, and TF does not tell yet where that lies in "
+                f"{self._config.frames.map!r}: publish the transform, or set frames.map={frame}"
+            )
+            return None
+        self._grid_pending = None
+        corner = (place @ Transform.planar(*grid.origin)).pose
+        # What is not moved keeps its numbers: cells on the corners of the SLAM's own need no resampling.
+        return grid if place == Transform() else replace(grid, origin=(corner.x, corner.y, corner.yaw))
 
     def _use_grid(self, grid: SlamGrid) -> None:
         """Take a SLAM map; one that is no map leaves the last one in place."""

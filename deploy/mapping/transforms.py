@@ -20,6 +20,8 @@ Vector = tuple[float, float, float]
 # x, y, z, w as in geometry_msgs/Quaternion.
 Quaternion = tuple[float, float, float, float]
 
+# Frames farther from each other than this are a mistake, metres: UTM coordinates are less.
+MAX_TRANSLATION: Final = 1e8
 # A quaternion whose length is off by more than this is no rotation that was rounded, but a mistake.
 LENGTH_TOLERANCE: Final = 0.1
 
@@ -44,10 +46,13 @@ class Transform:
             MappingError: a number is not finite, or the quaternion is no rotation.
         """
         length = float(np.linalg.norm(rotation))
-        if not (all(isfinite(number) for number in translation) and abs(length - 1.0) <= LENGTH_TOLERANCE):
+        # Written so that NaN is not within.
+        if not (
+            all(abs(number) <= MAX_TRANSLATION for number in translation) and abs(length - 1.0) <= LENGTH_TOLERANCE
+        ):
             raise MappingError(
-                f"a transform needs finite numbers and a unit quaternion, got translation {translation} and rotation "
-                f"{rotation}: correct its publisher"
+                f"a transform needs finite metres of at most {MAX_TRANSLATION:g} and a unit quaternion, got "
+                f"translation {translation} and rotation {rotation}: correct its publisher"
             )
         x, y, z, w = rotation
         return cls(translation, (x / length, y / length, z / length, w / length))
@@ -172,7 +177,7 @@ class TransformTree:
     def __init__(self, seconds: float = 10.0, hold: float = 5.0) -> None:
         """Keep moving links for ``seconds`` and hold each one for ``hold`` seconds beyond its newest transform."""
         self._seconds = seconds
-        self._hold = hold
+        self.hold: Final = hold
         self._links: dict[str, _Link] = {}
 
     def add(
@@ -186,7 +191,10 @@ class TransformTree:
             MappingError: the numbers are no transform, or the frames would form a ring.
         """
         parent, child = parent.lstrip("/"), child.lstrip("/")
-        transform = Transform.checked(translation, rotation)
+        try:
+            transform = Transform.checked(translation, rotation)
+        except MappingError as error:
+            raise MappingError(f"{parent} -> {child}: {error}") from None
         if not isfinite(time):
             raise MappingError(f"a transform needs a finite stamp, got {time}: correct its publisher")
         above: str | None = parent
@@ -211,6 +219,15 @@ class TransformTree:
         """Whether a frame is in the tree."""
         frame = frame.lstrip("/")
         return frame in self._links or any(link.parent == frame for link in self._links.values())
+
+    def stays_behind(self, frame: str, base: str) -> bool | None:
+        """Whether a frame stays where it is when the base moves, as that of a map does.
+
+        Returns:
+            None when the two are not connected.
+        """
+        path = self._path(frame.lstrip("/"), base.lstrip("/"))
+        return None if path is None else self._first_moving(path[0]) is not None
 
     def newest(self, target: str, source: str) -> float | None:
         """Return the newest stamp of the first moving link above the source.
@@ -244,13 +261,13 @@ class TransformTree:
         tight = self._first_moving(up)
         result = Transform()
         for frame in up:
-            link = self._links[frame].at(time, tolerance if frame == tight else self._hold)
+            link = self._links[frame].at(time, tolerance if frame == tight else self.hold)
             if link is None:
                 return None
             result = link @ result
         back = Transform()
         for frame in down:
-            link = self._links[frame].at(time, self._hold)
+            link = self._links[frame].at(time, self.hold)
             if link is None:
                 return None
             back = link @ back

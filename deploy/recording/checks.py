@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from common.errors import MappingError
 from deploy.config import DeployConfig
+from deploy.mapping.transforms import Transform
 from deploy.recording.reader import Recorded
 from deploy.ros2.conversions import points_from, transforms_from
 from deploy.ros2.errors import RosError
@@ -131,7 +133,7 @@ class Checks:
         try:
             message = deserialize(recorded.payload, recorded.kind, self._distro)
             _look(check, message, arrival)
-        except RosError:
+        except (RosError, MappingError):
             check.invalid += 1
 
     def warnings(self) -> list[str]:
@@ -181,8 +183,9 @@ class Checks:
         strange = [frame for frame in check.frames if frame != map_frame]
         if name in in_map and strange:
             return [
-                f"{name} is in the frame {', '.join(map(repr, strange))}, the bridge takes it for {map_frame!r}: right "
-                "only where the two are the same (set frames.map, or sensing.pose=tf)"
+                f"{name} is in the frame {', '.join(map(repr, strange))} and not in {map_frame!r}: the bridge takes an "
+                "odometry's frame for the map, and needs the transforms of all other frames (set frames.map, or "
+                "sensing.pose=tf)"
             ]
         if len(check.frames) > 1 and "->" not in next(iter(check.frames)):
             return [f"{name} changes its frame: {', '.join(check.frames)}"]
@@ -216,8 +219,9 @@ def histogram(values: Mapping[int, int], bins: int = 10) -> list[tuple[str, floa
 
 def _look(check: TopicCheck, message: Message, arrival: float) -> None:
     if check.kind == "tf2_msgs/msg/TFMessage":
-        for _, parent, child, _, _ in transforms_from(message):
+        for _, parent, child, translation, rotation in transforms_from(message):
             check.frames[f"{parent} -> {child}"] += 1
+            Transform.checked(translation, rotation)
         return
     header: Any = getattr(message, "header", None)
     if header is not None:

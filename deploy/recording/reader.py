@@ -1,11 +1,10 @@
-"""Reads bags: our own, those of `ros2 bag` in both storages, and files whose writer was killed."""
+"""Reads bags: our own, those of `ros2 bag` in both storages, compressed or not, and files whose writer was killed."""
 
 from __future__ import annotations
 
 import logging
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +13,14 @@ from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, Chunk, Message, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader
 from pydantic import ValidationError
-from rosbags.highlevel import AnyReader, AnyReaderError
 
 from deploy.config import DeployConfig
 from deploy.recording.chunks import MAX_CHUNK, records_in
 from deploy.recording.errors import RecordingError
+from deploy.recording.storage import Recorded as Recorded  # noqa: PLC0414  (exported from here too)
+from deploy.recording.storage import plain_payload, read_sqlite, storage_files, storage_of, uncompressed
 from deploy.recording.writer import CONFIG_NAME, BagWriter
+from deploy.ros2.messages import typestore
 from deploy.ros2.qos import RELIABLE
 
 log = logging.getLogger(__name__)
@@ -28,38 +29,25 @@ _MAGIC = b"\x89MCAP0\r\n"
 _LARGEST_RECORD = MAX_CHUNK + (1 << 20)
 
 
-@dataclass(frozen=True, slots=True)
-class Recorded:
-    """One message of a recording.
-
-    Attributes:
-        topic: absolute name.
-        kind: message type.
-        time: arrival, nanoseconds since 1970.
-        payload: CDR.
-    """
-
-    topic: str
-    kind: str
-    time: int
-    payload: bytes
-
-
 def read_bag(path: Path) -> Iterator[Recorded]:
-    """Yield the messages of a recording in the order of the file.
+    """Yield the messages of a recording in the order of its files.
 
     Args:
-        path: folder of a bag, or an MCAP file. A file that ends in the middle is read as far as it goes.
+        path: folder of a bag, or one of its storage files (`.mcap`, `.db3`, perhaps compressed). A file that ends in
+            the middle is read as far as it goes.
 
     Raises:
         RecordingError: there is no recording.
     """
-    files = _mcap_files(path)
-    if files:
-        for file in files:
-            yield from _read_mcap(file)
-    else:
-        yield from _read_with_rosbags(path)
+    files = storage_files(path)
+    for file in files:
+        with uncompressed(file) as plain:
+            if plain.stat().st_size:
+                yield from _read_mcap(plain) if storage_of(plain) == ".mcap" else read_sqlite(plain)
+            elif len(files) > 1:
+                log.warning("%s holds nothing: its recorder was ended before it wrote anything", file)
+            else:
+                raise RecordingError(f"{file} holds nothing: its recorder was ended before it wrote anything")
 
 
 def recorded_config(path: Path) -> DeployConfig | None:
@@ -68,7 +56,10 @@ def recorded_config(path: Path) -> DeployConfig | None:
     Raises:
         RecordingError: there is no recording.
     """
-    for file in _mcap_files(path):
+    for file in storage_files(path):
+        # Our recorder keeps them in plain MCAP files.
+        if file.suffix != ".mcap" or file.stat().st_size == 0:
+            continue
         for record in _records(file):
             if isinstance(record, Attachment) and record.name == CONFIG_NAME:
                 try:
@@ -82,38 +73,48 @@ def recorded_config(path: Path) -> DeployConfig | None:
 
 
 def recover(path: Path, out: Path) -> int:
-    """Copy what can be read of an MCAP recording into a new bag that is whole, and return the number of messages.
+    """Copy what can be read of a recording into a new bag that is whole, and return the number of messages.
 
     Raises:
         RecordingError: there is no recording, or `out` exists.
     """
-    files = _mcap_files(path)
-    if not files:
-        raise RecordingError(f"{path} holds no MCAP file: name the folder of a bag or an .mcap file")
+    files = storage_files(path)
     with BagWriter(out, config=recorded_config(path)) as bag:
         for file in files:
-            schemas: dict[int, Schema] = {}
-            copies: dict[int, int] = {}
-            for record in _records(file):
-                if isinstance(record, Schema):
-                    schemas[record.id] = record
-                elif isinstance(record, Channel) and record.id not in copies:
-                    schema = schemas[record.schema_id]
-                    text = schema.data.decode("utf-8", "replace")
-                    copies[record.id] = bag.add_topic(record.topic, schema.name, RELIABLE, text)
-                elif isinstance(record, Message):
-                    copy = copies[record.channel_id]
-                    bag.write(copy, record.data, record.log_time, record.publish_time, record.sequence)
+            with uncompressed(file) as plain:
+                if plain.stat().st_size:
+                    (_copy_mcap if storage_of(plain) == ".mcap" else _copy_sqlite)(plain, bag)
         return bag.count
 
 
-def _mcap_files(path: Path) -> list[Path]:
-    if path.is_file() and path.suffix == ".mcap":
-        return [path]
-    if not path.is_dir():
-        raise RecordingError(f"there is no recording at {path}: name the folder of a bag or an .mcap file")
-    # Storage files end in a number, which is no text: _10 comes after _9.
-    return sorted(path.glob("*.mcap"), key=lambda file: (len(file.name), file.name))
+def _copy_mcap(file: Path, bag: BagWriter) -> None:
+    schemas: dict[int, Schema] = {}
+    copies: dict[int, int] = {}
+    for record in _records(file):
+        if isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel) and record.id not in copies:
+            schema = schemas[record.schema_id]
+            text = schema.data.decode("utf-8", "replace")
+            copies[record.id] = bag.add_topic(record.topic, schema.name, RELIABLE, text)
+        elif isinstance(record, Message):
+            copy = copies[record.channel_id]
+            bag.write(copy, plain_payload(bytes(record.data)), record.log_time, record.publish_time, record.sequence)
+
+
+def _copy_sqlite(file: Path, bag: BagWriter) -> None:
+    copies: dict[tuple[str, str], int | None] = {}
+    for recorded in read_sqlite(file):
+        topic = recorded.topic, recorded.kind
+        if topic not in copies:
+            # Such files need not hold the definitions of their messages.
+            known = recorded.kind in typestore().fielddefs
+            copies[topic] = bag.add_topic(*topic, RELIABLE) if known else None
+            if not known:
+                log.warning("%s is left out: the type %s is not known", *topic)
+        copy = copies[topic]
+        if copy is not None:
+            bag.write(copy, recorded.payload, recorded.time)
 
 
 def _read_mcap(path: Path) -> Iterator[Recorded]:
@@ -128,7 +129,7 @@ def _read_mcap(path: Path) -> Iterator[Recorded]:
             channel = channels.get(record.channel_id)
             if channel is not None and channel.message_encoding == "cdr":
                 kind = kinds.get(channel.schema_id, "")
-                yield Recorded(channel.topic, kind, record.log_time, bytes(record.data))
+                yield Recorded(channel.topic, kind, record.log_time, plain_payload(bytes(record.data)))
 
 
 def _records(path: Path) -> Iterator[Any]:
@@ -156,12 +157,3 @@ def _records(path: Path) -> Iterator[Any]:
                 log.warning("%s breaks off near byte %d, the rest is lost: %s", path, position, error or "end of file")
                 return
             yield from found
-
-
-def _read_with_rosbags(path: Path) -> Iterator[Recorded]:
-    try:
-        with AnyReader([path]) as reader:
-            for connection, time, payload in reader.messages():
-                yield Recorded(connection.topic, connection.msgtype, time, bytes(payload))
-    except (AnyReaderError, OSError) as error:
-        raise RecordingError(f"cannot read the recording {path}: {error}") from None

@@ -31,15 +31,17 @@ def run_demo(
         folder: where ``video`` and ``verdict.json`` go.
         limit: seconds of the robot.
         stop: ends it early.
-        console: where the live view is shown; a line every ten seconds where it is no terminal.
+        console: where the live view is shown; a line every ten seconds where it is no terminal with UTF-8.
         video: file name that ends in .mp4 or .gif; None for none.
     """
+    # Half blocks need a terminal that can show them.
+    pictures = console.is_terminal and console.encoding.startswith("utf")
     with Live(console=console, refresh_per_second=4, transient=False, auto_refresh=False) as live:
         next_line = 0.0
 
         def tell(shot: Shot, truth: dict[str, Any], status: dict[str, Any]) -> None:
             nonlocal next_line
-            if not console.is_terminal:
+            if not pictures:
                 if shot.time >= next_line:
                     next_line = shot.time + _PLAIN_SECONDS
                     log.info("%s: %s", shot.words, status["reason"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,6 +38,8 @@ def points_from(cloud: Message) -> NDArray[np.float32]:
     offsets = [fields[name].offset for name in names]
     data = np.ascontiguousarray(cloud.data, np.uint8)
     if cloud.height * cloud.width == 0:
+        if len(data):
+            raise RosError(f"a PointCloud2 of {cloud.height} x {cloud.width} points has {len(data)} bytes of data")
         return np.empty((0, len(names)), np.float32)
     ends = [offset + np.dtype(form).itemsize for offset, form in zip(offsets, formats, strict=True)]
     if max(ends) > cloud.point_step or cloud.row_step < cloud.width * cloud.point_step:
@@ -43,8 +47,17 @@ def points_from(cloud: Message) -> NDArray[np.float32]:
             f"a PointCloud2's fields must fit its point_step {cloud.point_step}, and {cloud.width} points its row_step "
             f"{cloud.row_step}"
         )
-    if len(data) < cloud.row_step * (cloud.height - 1) + cloud.width * cloud.point_step:
-        raise RosError(f"a PointCloud2 of {cloud.height} rows of {cloud.row_step} bytes has only {len(data)} bytes")
+    starts = sorted(zip(offsets, ends, names, strict=True))
+    for (_, end, name), (start, _, other) in itertools.pairwise(starts):
+        if start < end:
+            raise RosError(f"the fields {name} and {other} of a PointCloud2 overlap: correct their offsets")
+    # The padding of the last row may be left out.
+    least = cloud.row_step * (cloud.height - 1) + cloud.width * cloud.point_step
+    if not least <= len(data) <= cloud.row_step * cloud.height:
+        raise RosError(
+            f"a PointCloud2 of {cloud.height} rows of {cloud.row_step} bytes must have {cloud.row_step * cloud.height} "
+            f"bytes, got {len(data)}"
+        )
     points: NDArray[np.float32]
     packed = formats == ["<f4"] * len(names) and offsets == list(range(0, 4 * len(names), 4))
     if packed and cloud.point_step == 4 * len(names) and cloud.row_step == cloud.width * cloud.point_step:
@@ -57,6 +70,19 @@ def points_from(cloud: Message) -> NDArray[np.float32]:
             grid[:, :, column] = np.ndarray((cloud.height, cloud.width), form, data.data, offset, strides)
     finite = np.isfinite(points[:, 0] + points[:, 1] + points[:, 2])
     return points if finite.all() else points[finite]
+
+
+def cloud_note(cloud: Message) -> str:
+    """Return what is strange about a PointCloud2 that can be read all the same, one line; empty when nothing is."""
+    used, sent = cloud.width * cloud.point_step, cloud.row_step * cloud.height
+    if cloud.row_step - used >= cloud.point_step > 0:
+        return (
+            f"a PointCloud2 of {cloud.width} points of {cloud.point_step} bytes has a row_step of {cloud.row_step}, "
+            "room for more of them: correct its width or row_step"
+        )
+    if len(cloud.data) != sent:
+        return f"a PointCloud2 must have {sent} bytes by its row_step and height, got {len(cloud.data)}"
+    return ""
 
 
 def point_cloud(time: float, frame: str, points: NDArray[np.float32]) -> Message:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.geometry import Pose, Scan
-from deploy.ros2.clouds import point_cloud as point_cloud  # noqa: PLC0414  (exported from here too)
+from deploy.ros2.clouds import cloud_note as cloud_note  # noqa: PLC0414  (exported from here too)
+from deploy.ros2.clouds import point_cloud as point_cloud  # noqa: PLC0414
 from deploy.ros2.clouds import points_from as points_from  # noqa: PLC0414
 from deploy.ros2.errors import RosError
 from deploy.ros2.messages import Message, header, message, seconds, stamp
@@ -56,6 +57,13 @@ def scan_from(scan: Message) -> Scan:
         raise RosError(f"a LaserScan must have at most {MAX_BEAMS} beams, got {len(scan.ranges)}")
     ranges = np.asarray(scan.ranges, np.float32)
     return Scan(ranges, scan.angle_min, scan.angle_increment, range_max, scan.range_min)
+
+
+def scan_note(scan: Message) -> str:
+    """Return what is strange about a LaserScan that can be used all the same, one line; empty when nothing is."""
+    if len(scan.intensities) not in {0, len(scan.ranges)}:
+        return f"a LaserScan of {len(scan.ranges)} ranges has {len(scan.intensities)} intensities: correct the driver"
+    return ""
 
 
 def laser_scan(time: float, frame: str, scan: Scan, scan_time: float = 0.0) -> Message:
@@ -156,18 +164,15 @@ def odometry(
 
 
 def transforms_from(transforms: Message) -> list[Transform]:
-    """Return the transforms of a TFMessage.
+    """Return the transforms of a TFMessage as they are; `deploy.mapping.transforms` looks whether each of them is one.
 
-    Raises:
-        RosError: when one is not finite or its rotation is zero.
+    A message carries those of several publishers' frames: one that is wrong must not hide the others.
     """
     result: list[Transform] = []
     for one in transforms.transforms:
         move, turn = one.transform.translation, one.transform.rotation
         shift = (move.x, move.y, move.z)
         rotation = (turn.x, turn.y, turn.z, turn.w)
-        yaw_of(turn)
-        _check_metres(f"transform {one.header.frame_id} -> {one.child_frame_id}", *shift)
         parent, child = one.header.frame_id.lstrip("/"), one.child_frame_id.lstrip("/")
         result.append((seconds(one.header.stamp), parent, child, shift, rotation))
     return result

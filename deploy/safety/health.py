@@ -44,6 +44,8 @@ class HealthMonitor:
         self._config = config
         self._fence = Geofence(config.geofence) if fence is None else fence
         self._sensor = sensor
+        # A map comes when it changes, perhaps only once; that it is still true, the poses have to tell.
+        self._latched = sensor == "grid"
         self.reset()
 
     def reset(self) -> None:
@@ -142,7 +144,7 @@ class HealthMonitor:
         last = self._map_time
         if last is None:
             faults.append(Fault(FaultKind.MAP_STALE, "no new map data has come yet"))
-        elif now - last > config.scan_timeout:
+        elif now - last > config.scan_timeout and not self._latched:
             faults.append(_stale(FaultKind.MAP_STALE, "no new map data", now - last, config.scan_timeout))
         if self._clock is not None and now - self._clock[0] <= config.pose_timeout:
             faults.append(Fault(FaultKind.CLOCK_SET_BACK, self._clock[1]))
@@ -176,6 +178,8 @@ class HealthMonitor:
         unsound = self._unsound
         if arrived is None:
             return [Fault(FaultKind.SENSOR_STALE, f"no {self._sensor} has come yet")]
+        if self._latched:
+            return []
         if now - arrived > timeout:
             return [_stale(FaultKind.SENSOR_STALE, f"no {self._sensor}", now - arrived, timeout)]
         stale = last is None or now - last > timeout

@@ -55,6 +55,7 @@ class GateRules:
         self._config = config.safety
         self._drives = config.driving.enabled
         self._sensor_name = {"scan": "scan", "points": "point cloud", "grid": "map"}[config.sensing.source]
+        self._latched = config.sensing.source == "grid"
         self._takeover = Takeover(config.safety)
         self._started = now
         self._bridge = now
@@ -166,7 +167,8 @@ class GateRules:
         ):
             if last is None:
                 return mode, f"no {what} has come yet"
-            if now - last > limit:
+            # A map comes when it changes, perhaps only once.
+            if now - last > limit and not (self._latched and mode is GateMode.SENSOR_STALE):
                 return mode, f"no {what} for {limit:g} s"
         if self.outside:
             return GateMode.OUTSIDE, f"the robot is outside the geofence, seen at {self.outside}"

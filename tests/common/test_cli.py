@@ -1,5 +1,9 @@
 """What a user sees when a command fails."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 import typer
 from typer.testing import CliRunner
@@ -37,3 +41,25 @@ def test_names_between_colons_stay_as_they_are(capsys) -> None:
     with pytest.raises(typer.Exit):
         command()
     assert "generator:office: no such thing" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("learner", "config", "--describe"),
+        ("learner", "--help"),
+        ("actors", "--help"),
+        ("deploy.cli", "bridge", "--help"),
+        ("deploy.cli", "config", "--describe"),
+        ("deploy.cli", "config", "--config", "größe≥.toml"),
+    ],
+    ids=" ".join,
+)
+def test_a_terminal_that_is_not_utf_8_is_written_to(command):
+    environment = {**os.environ, "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
+    done = subprocess.run([sys.executable, "-m", *command], env=environment, capture_output=True, check=False)
+    output = done.stdout + done.stderr
+    assert b"Traceback" not in output and b"Error:" not in output, output[-500:]
+    # The last one names a file that is not there.
+    assert done.returncode == int("--config" in command), output[-500:]
+    assert len(output) > 50

@@ -313,3 +313,12 @@ def test_texts_in_pictures_that_grow_without_end_are_refused_at_once(tmp_path: P
             read_pixels(path)
         assert time.monotonic() - began < 1.0
         assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000
+
+
+def test_the_image_of_a_ros_map_leads_to_its_yaml(tmp_path: Path) -> None:
+    path = paint(tmp_path / "a.png", [(16, 16, 80, 32)], [((40, 16, 44, 32), (205, 205, 205))])
+    with pytest.raises(MapError, match="image of a ROS map: name its YAML file"):
+        load_image(path)
+    with pytest.raises(MapError) as raised:
+        load_image(paint(tmp_path / "b.png", [(16, 16, 80, 32)], []))
+    assert "ROS" not in str(raised.value)

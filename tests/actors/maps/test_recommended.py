@@ -113,7 +113,7 @@ def test_wrong_settings_are_one_sentence(tmp_path: Path, text: str, message: str
 
 
 def test_files_that_cannot_be_settings(tmp_path: Path) -> None:
-    (tmp_path / "worlds.toml").write_bytes("[mapping]".encode("utf-16"))
+    (tmp_path / "worlds.toml").write_bytes("# größer".encode("latin-1"))
     with pytest.raises(MapError, match="cannot read the settings of these worlds"):
         read_folder(tmp_path)
     assert read_folder(tmp_path / "nowhere") == Recommendation()

@@ -202,8 +202,8 @@ def test_wrong_fields_are_named(tmp_path: Path, fields: dict, message: str) -> N
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        ("image: map.pgm\n".encode("utf-16"), "expected YAML in UTF-8, got another encoding: save it as UTF-8"),
-        (b"image: a\0b", "got something else"),
+        ("image: mäp.pgm\n".encode("latin-1"), "expected text in UTF-8, got byte 0xe4 at 8 .*: save it as UTF-8"),
+        (b"image: a\0b", "expected text in UTF-8, got zeros"),
         (b"just words", "got str"),
         (b"", "got NoneType"),
         (b"a: [1, 2", "got something else"),

@@ -97,9 +97,14 @@ def test_something_to_do_again_begins_the_checks_anew():
 
 def test_checks_count_new_maps_alone():
     checks = CompletionChecks(3)
-    assert not any(checks.passed(7) for _ in range(10))
-    assert not checks.passed(8)
-    assert checks.passed(9)
+    assert not any(checks.passed(7, 0.1 * tick) for tick in range(10))
+    assert not checks.passed(8, 1.0)
+    assert checks.passed(9, 1.1)
+
+
+def test_checks_count_a_map_again_that_stays_as_it_is():
+    checks = CompletionChecks(3)
+    assert [checks.passed(7, float(second)) for second in range(7)] == [False] * 6 + [True]
 
 
 def test_without_a_map_the_robot_waits_and_says_so():

@@ -163,7 +163,7 @@ def test_statistics_tell_what_became_of_the_messages():
     robot_map = RobotMap(configure())
     now = see(robot_map, room(), Pose(4.0, 5.0), 0.0)
     broken = scan_at(room(), Pose(4.0, 5.0))
-    robot_map.add_scan(now, type(broken)(broken.ranges, float("nan"), broken.angle_increment, 12.0), "broken")
+    robot_map.add_scan(now, type(broken)(broken.ranges, float("nan"), broken.angle_increment, 12.0), "base_link")
     robot_map.refresh()
     assert robot_map.statistics.dropped == {"scan refused": 1}
     assert "finite" in robot_map.statistics.problem

@@ -188,7 +188,7 @@ def test_what_is_no_recording_is_refused(tmp_path):
     with pytest.raises(RecordingError, match="no MCAP file"):
         list(read_bag(tmp_path / "text.mcap"))
     (tmp_path / "empty").mkdir()
-    with pytest.raises(RecordingError, match="cannot read the recording"):
+    with pytest.raises(RecordingError, match="holds no .mcap and no .db3 file"):
         list(read_bag(tmp_path / "empty"))
-    with pytest.raises(RecordingError, match="holds no MCAP"):
+    with pytest.raises(RecordingError, match="holds no .mcap and no .db3 file"):
         recover(tmp_path / "empty", tmp_path / "out")

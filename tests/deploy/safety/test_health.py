@@ -21,6 +21,16 @@ def kinds(monitor: HealthMonitor, now: float = 10.0, **arguments) -> set[FaultKi
     return {fault.kind for fault in monitor.check(now, **arguments)}
 
 
+def test_a_map_that_comes_once_is_enough_while_poses_are_fresh():
+    monitor = HealthMonitor(SafetyConfig(), sensor="grid")
+    assert FaultKind.SENSOR_STALE in kinds(monitor, 1.0)
+    monitor.heard_sensor(1.0)
+    monitor.updated_map(1.0)
+    monitor.heard_pose(500.0, 100.0, Pose(1.0, 1.0))
+    assert kinds(monitor, 500.0) == set()
+    assert kinds(monitor, 502.0) == {FaultKind.POSE_STALE}
+
+
 def test_all_is_well():
     assert kinds(healthy()) == set()
 

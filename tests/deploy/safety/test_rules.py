@@ -50,6 +50,15 @@ def test_stale_inputs_stop(attribute, mode, word):
     assert decision.reason == word
 
 
+def test_a_map_that_came_once_is_enough():
+    rules = GateRules(DeployConfig(driving={"enabled": True}, sensing={"source": "grid"}), now=0.0)
+    assert rules.decide(0.0).mode is not GateMode.CLEAR
+    healthy(rules, 1.0)
+    healthy(rules, 500.0)
+    rules.sensor_time = 1.0
+    assert rules.decide(500.0).mode is GateMode.CLEAR
+
+
 def test_a_robot_outside_the_fence_is_stopped_but_an_operator_can_drive_it_back():
     rules = healthy(make(joy_release=2.0), 1.0)
     rules.outside = "(7.00, 0.00)"

@@ -1,0 +1,177 @@
+"""The storage files of a bag: which they are, in what order, and what is in them without its compression."""
+
+from __future__ import annotations
+
+import logging
+import re
+import sqlite3
+import tempfile
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, Final, cast
+
+import lz4.frame
+import zstandard
+
+from deploy.recording.errors import RecordingError
+
+log = logging.getLogger(__name__)
+
+STORAGES: Final = (".mcap", ".db3")
+_COMPRESSIONS: Final = (".zstd", ".zst", ".lz4")
+# A CDR payload begins with a zero, so that the first bytes of compressed data cannot be taken for one.
+_ZSTD: Final = b"\x28\xb5\x2f\xfd"
+_LZ4: Final = b"\x04\x22\x4d\x18"
+_BLOCK: Final = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """One message of a recording.
+
+    Attributes:
+        topic: absolute name.
+        kind: message type.
+        time: arrival, nanoseconds since 1970.
+        payload: CDR.
+    """
+
+    topic: str
+    kind: str
+    time: int
+    payload: bytes
+
+
+def storage_files(path: Path) -> list[Path]:
+    """Return the files of a bag in their order; its `metadata.yaml`, which a recorder writes last, is not needed.
+
+    Args:
+        path: folder of a bag, or one of its files: `.mcap` or `.db3`, perhaps compressed (`.zstd`, `.zst`, `.lz4`).
+
+    Raises:
+        RecordingError: there is none.
+    """
+    if path.is_file():
+        if storage_of(path):
+            return [path]
+        raise RecordingError(f"{path} is no recording: name the folder of a ROS 2 bag, or its .mcap or .db3 file")
+    if not path.is_dir():
+        raise RecordingError(f"there is no recording at {path}: name the folder of a bag, or an .mcap or .db3 file")
+    found = [file for file in path.iterdir() if file.is_file() and storage_of(file)]
+    # A file that was compressed may still lie beside its compressed form.
+    plain = {file.name for file in found}
+    found = [file for file in found if file.suffix not in _COMPRESSIONS or file.stem not in plain]
+    if not found:
+        raise RecordingError(f"{path} holds no .mcap and no .db3 file: name the folder of a ROS 2 bag")
+    return sorted(found, key=_by_number)
+
+
+def storage_of(file: Path) -> str:
+    """Return `.mcap` or `.db3` by a file's name, compressed or not; empty for any other."""
+    suffix = Path(file.stem).suffix if file.suffix in _COMPRESSIONS else file.suffix
+    return suffix if suffix in STORAGES else ""
+
+
+@contextmanager
+def uncompressed(file: Path) -> Iterator[Path]:
+    """Give a storage file as it was before it was compressed, for the time of a `with`.
+
+    A file whose end is missing gives what comes before.
+    """
+    if file.suffix not in _COMPRESSIONS:
+        yield file
+        return
+    with tempfile.TemporaryDirectory(prefix="hd-bag-") as folder:
+        plain = Path(folder) / file.stem
+        with file.open("rb") as packed, plain.open("wb") as out:
+            stream: IO[bytes]
+            if file.suffix == ".lz4":
+                stream = cast(IO[bytes], lz4.frame.LZ4FrameFile(packed))
+            else:
+                stream = cast(IO[bytes], zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True))
+            try:
+                while block := stream.read(_BLOCK):
+                    out.write(block)
+            except (zstandard.ZstdError, RuntimeError, EOFError) as error:
+                # RuntimeError is what LZ4 raises.
+                log.warning("%s breaks off, the rest is lost: %s", file, error)
+        yield plain
+
+
+def plain_payload(payload: bytes) -> bytes:
+    """Return a message without the compression that `ros2 bag record --compression-mode message` gives each of them.
+
+    One that is damaged is returned as it is: then it is no CDR, and counts as a message that cannot be read.
+    """
+    if payload[:4] not in {_ZSTD, _LZ4}:
+        return payload
+    try:
+        if payload[:4] == _LZ4:
+            return bytes(lz4.frame.decompress(payload))
+        # The size may be missing in the frame's header.
+        return zstandard.ZstdDecompressor().decompressobj().decompress(payload)
+    except (zstandard.ZstdError, RuntimeError) as error:
+        log.warning("a compressed message of %d bytes cannot be read: %s", len(payload), error)
+        return payload
+
+
+def read_sqlite(file: Path) -> Iterator[Recorded]:
+    """Yield the messages of a `.db3` file in their order, up to its end or to where it is damaged.
+
+    Raises:
+        RecordingError: it is no such file.
+    """
+    with _opened(file) as database:
+        try:
+            columns = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
+            formats = "serialization_format" if "serialization_format" in columns else "'cdr'"
+            topics: dict[int, tuple[str, str]] = {
+                number: (name, kind)
+                for number, name, kind, form in database.execute(f"SELECT id, name, type, {formats} FROM topics")
+                if form == "cdr"
+            }
+            rows = database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id")
+        except sqlite3.Error as error:
+            raise RecordingError(f"{file} is no bag of ROS 2: {error}") from None
+        while True:
+            try:
+                row: tuple[int, int, Any] | None = next(rows, None)
+            except sqlite3.Error as error:
+                log.warning("%s is damaged, the rest is lost: %s", file, error)
+                return
+            if row is None:
+                return
+            topic = topics.get(row[0])
+            if topic is not None:
+                yield Recorded(*topic, row[1], plain_payload(bytes(row[2])))
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[sqlite3.Connection]:
+    """Open a database, also one whose writer was killed in the middle of a transaction."""
+    journals = [other for other in file.parent.glob(f"{file.name}-*") if other.stat().st_size]
+    with tempfile.TemporaryDirectory(prefix="hd-bag-") as folder:
+        place = file
+        if journals:
+            # What the journal holds has to be brought in or rolled back, which must not change the recording.
+            place = Path(folder) / file.name
+            for each in (file, *journals):
+                (Path(folder) / each.name).write_bytes(each.read_bytes())
+        mode = "rw" if journals else "ro"
+        try:
+            database = sqlite3.connect(f"{place.resolve().as_uri()}?mode={mode}", uri=True)
+        except sqlite3.Error as error:
+            raise RecordingError(f"cannot open {file}: {error}: check its permissions") from None
+        with closing(database):
+            yield database
+
+
+def _by_number(file: Path) -> tuple[str, int]:
+    """Storage files end in a number, which is no text: _10 comes after _9."""
+    name = file.name.removesuffix(file.suffix) if file.suffix in _COMPRESSIONS else file.name
+    name = name.removesuffix(storage_of(file))
+    found = re.fullmatch(r"(.*?)([0-9]*)", name)
+    assert found is not None
+    return found[1], int(found[2] or -1)
