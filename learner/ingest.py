@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from queue import Empty, SimpleQueue
 from typing import Any
 
@@ -18,7 +19,8 @@ from common.messages.schema import decode, encode
 from learner.ratio import RatioKeeper
 from learner.replay.buffer import Replay
 from learner.run.episodes import EpisodeLog, group_of
-from learner.run.journal import Journal, RecordKind
+from learner.run.journal import Journal
+from learner.run.records import RecordKind
 from learner.watch.evaluation import EvaluationRounds, Round
 from learner.watch.metrics import Means, RateMeter
 
@@ -93,7 +95,7 @@ class Ingest:
         A delivery that was stored before changes nothing.
 
         Raises:
-            CheckpointError: when the journal cannot be written; nothing is stored then.
+            StorageError: when the journal cannot be written; nothing is stored then.
         """
         payload, self._raw = self._raw, None
         with self._lock:
@@ -146,8 +148,13 @@ class Ingest:
     # --- checkpoints -------------------------------------------------------------------------------------------
 
     def snapshot(self) -> dict[str, Any]:
-        """Note a place in the journal and all counts at that place, ready for JSON."""
+        """Note a place in the journal and all counts at that place, ready for JSON.
+
+        Raises:
+            StorageError: when the disk does not take what belongs before that place.
+        """
         with self._lock:
+            self.episodes.flush()
             return {
                 "segment": self._journal.rotate(),
                 "steps": self.keeper.steps,
@@ -159,8 +166,9 @@ class Ingest:
             }
 
     def sync(self) -> None:
-        """Bring the journal up to the last snapshot onto the disk."""
+        """Bring journal and episodes up to the last snapshot onto the disk."""
         self._journal.sync()
+        self.episodes.sync()
 
     def forget_before(self, segment: int) -> None:
         """Delete journal segments older than ``segment`` that the replay buffer holds nothing of."""
@@ -200,6 +208,8 @@ class Ingest:
                 if segment >= place:
                     raise
                 logger.error("%s; the replay buffer goes on without the rest of it", error)
+        if self._journal.losses and (missing := missing_deliveries(self._seen)):
+            logger.error("deliveries that the damage has cost: %s", missing)
         fresh_from = 0 if self._keep_replay and len(self.replay) else int(snapshot["steps"])
         self.keeper.restore(self.keeper.steps, updates, len(self.replay), fresh_from)
         logger.info(
@@ -221,7 +231,7 @@ class Ingest:
             except MessageError as error:
                 raise CheckpointError(
                     f"journal segment {segment} holds a delivery that this software cannot read ({error}): "
-                    "resume the run with the release that wrote it"
+                    "resume the run with the release that wrote it, or have `hd-learner doctor --repair` set it aside"
                 ) from error
             key = (delivery.actor, delivery.incarnation, delivery.sequence)
             if segment < place:
@@ -231,6 +241,11 @@ class Ingest:
                 self._take(delivery, segment)
                 counted += 1
         return counted
+
+    @property
+    def nothing_yet(self) -> dict[str, Any]:
+        """The snapshot of a run that has no checkpoint: all that its journal holds counts."""
+        return {"segment": 0, "steps": 0, "episodes": 0, "version": 0, "seen": {"streams": []}, "rounds": []}
 
     # --- parts of storing --------------------------------------------------------------------------------------
 
@@ -275,3 +290,13 @@ class Ingest:
         else:
             record.episodes += 1
             record.version = body.version
+
+
+def missing_deliveries(seen: SeenSet) -> str:
+    """Name the deliveries between others of the same actor that were never stored; empty when there are none."""
+    gaps = []
+    for (actor, incarnation), ranges in sorted(seen.streams().items()):
+        missing = [f"{end} to {first - 1}" for (_, end), (first, _) in pairwise(ranges)]
+        if missing:
+            gaps.append(f"{actor} (incarnation {incarnation}) {', '.join(missing)}")
+    return "; ".join(gaps)

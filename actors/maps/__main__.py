@@ -102,6 +102,24 @@ def show(
 
 @app.command()
 @command_errors
+def check(
+    sources: Annotated[list[str], typer.Argument(help="Folders, files or generators, as in maps.train.")],
+    task: Annotated[
+        str, typer.Option(help="exploration or navigation, which needs maps with a target.")
+    ] = "exploration",
+    scale: Annotated[float | None, typer.Option(help="Metres per pixel, instead of the sources' own.")] = None,
+) -> None:
+    """Open sources of maps and load the first world of each.
+
+    Example: python -m actors.maps check generator:rooms maps/train
+    """
+    if task not in ("exploration", "navigation"):
+        raise MapError(f"--task: expected exploration or navigation, got {task!r}")
+    open_sources(sources, scale, "navigation" if task == "navigation" else "exploration")
+
+
+@app.command()
+@command_errors
 def write(
     source: Annotated[str, typer.Argument(help="generator:NAME[?key=value&...], or a folder.")],
     out: Annotated[Path, typer.Option(help="Folder for the PNG maps; made when missing.")],

@@ -8,6 +8,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import zenoh
@@ -16,7 +17,7 @@ from common.bus.keys import Keys, last_part
 from common.bus.query import QueryServer
 from common.bus.seen import SeenSet
 from common.closing import Closing
-from common.errors import MessageError
+from common.errors import HDError, MessageError
 from common.messages.experience import Delivery
 from common.messages.replies import Ack
 from common.messages.schema import MAX_DELIVERY, MAX_HOLD, decode, encode
@@ -45,6 +46,8 @@ class ExperienceServer(Closing):
         journal: takes the raw bytes of a valid new delivery just before `store`; for a log that outlives the
             process.
         state: of an earlier server, from its `state()`.
+        when_durable: calls back, from another thread, once everything stored so far has reached the disk (True) or
+            been refused by it (False); messages are acknowledged after that. At once when not given.
     """
 
     def __init__(
@@ -56,8 +59,10 @@ class ExperienceServer(Closing):
         *,
         journal: Callable[[bytes], None] | None = None,
         state: dict[str, Any] | None = None,
+        when_durable: Callable[[Callable[[bool], None]], None] | None = None,
     ) -> None:
         self._learner = learner
+        self._when_durable = when_durable
         self._store = store
         self._journal = journal
         self._seen = SeenSet()
@@ -94,7 +99,8 @@ class ExperienceServer(Closing):
         """Stop receiving; actors keep what is not acknowledged. Safe to call twice."""
         self._server.close()
 
-    def _answer(self, query: zenoh.Query) -> None:
+    def _answer(self, query: zenoh.Query) -> bool:
+        """Take one query; return whether it is kept until the disk has what it brought."""
         sender = last_part(str(query.key_expr))
         try:
             data = _payload(query)
@@ -103,8 +109,19 @@ class ExperienceServer(Closing):
                 raise MessageError("delivery.actor", f"must be {sender!r}, as in the key, got {delivery.actor!r}")
         except MessageError as error:
             self._refuse(query, sender, error)
-            return
-        query.reply(query.key_expr, encode(self._take(delivery, data)))
+            return False
+        ack = self._take(delivery, data)
+        if self._when_durable is None or not ack.stored:
+            query.reply(query.key_expr, encode(ack))
+            return False
+        self._when_durable(partial(self._acknowledge, query, ack))
+        return True
+
+    def _acknowledge(self, query: zenoh.Query, ack: Ack, durable: bool) -> None:
+        with query:
+            if not durable:
+                ack = Ack(ack.sequence, False, STORE_FAILED_HOLD, "", self._learner)
+            query.reply(query.key_expr, encode(ack))
 
     def _take(self, delivery: Delivery, data: bytes) -> Ack:
         with self._lock:
@@ -115,6 +132,10 @@ class ExperienceServer(Closing):
                 if self._journal is not None:
                     self._journal(data)
                 self._hold = min(max(float(self._store(delivery)), 0.0), MAX_HOLD)
+            except HDError as error:
+                # Whoever stores says once what is wrong; a full disk would fill the log too.
+                log.debug("message %d of %s is not stored: %s", delivery.sequence, delivery.actor, error)
+                return Ack(delivery.sequence, False, STORE_FAILED_HOLD, "", self._learner)
             except Exception:
                 log.exception("message %d of %s could not be stored", delivery.sequence, delivery.actor)
                 return Ack(delivery.sequence, False, STORE_FAILED_HOLD, "", self._learner)

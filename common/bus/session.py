@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import secrets
+import time
 from collections.abc import Iterable
 from typing import Any
 
@@ -55,6 +56,16 @@ def open_learner_session(config: BusConfig) -> zenoh.Session:
             listen,
         )
     return session
+
+
+def wait_for_routers(session: zenoh.Session, timeout: float) -> bool:
+    """Wait until a session is linked to a router; return whether it is in time, seconds."""
+    deadline = time.monotonic() + timeout
+    while not session.info.routers_zid():
+        if time.monotonic() >= deadline:
+            return False
+        time.sleep(0.05)
+    return True
 
 
 def open_client_session(config: BusConfig, connect: Iterable[str] | None = None) -> zenoh.Session:

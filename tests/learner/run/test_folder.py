@@ -24,6 +24,7 @@ def test_a_run_is_never_overwritten_without_being_told(tmp_path):
     config = RunConfig(name="a")
     with RunFolder.create(tmp_path, config) as run:
         (run.path / "episodes.jsonl").write_text("precious\n")
+        (run.checkpoints / "000000000").mkdir(parents=True)
     with pytest.raises(CheckpointError, match=r"exists already.*resume --run a.*--overwrite"):
         RunFolder.create(tmp_path, config)
     assert (tmp_path / "a" / "episodes.jsonl").read_text() == "precious\n"
@@ -95,9 +96,9 @@ def test_a_run_of_an_earlier_format_can_be_exported_but_not_continued(tmp_path, 
         RunFolder.open(tmp_path, "a")
 
 
-@pytest.mark.parametrize("written", [0, 4, "1", None])
+@pytest.mark.parametrize("written", [0, 5, "1", None])
 def test_a_run_of_an_unknown_format_is_refused(tmp_path, written):
     RunFolder.create(tmp_path, RunConfig(name="a")).close()
     (tmp_path / "a" / "run.json").write_text(json.dumps({"format": written}))
-    with pytest.raises(CheckpointError, match="this software reads format 3 and earlier ones"):
+    with pytest.raises(CheckpointError, match="this software reads format 4 and earlier ones"):
         check_run(tmp_path / "a")
