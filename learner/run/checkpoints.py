@@ -17,7 +17,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
 from common.errors import CheckpointError, StorageError
-from learner.run.files import file_digest, replace_text, sync_path, to_json
+from learner.run.files import file_digest, make_folder, replace_text, sync_path, to_json
 
 logger = logging.getLogger(__name__)
 
@@ -62,7 +62,7 @@ class CheckpointStore:
         if not writer:
             return
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            make_folder(folder)
             for replaced in folder.glob(f".*{_REPLACED}"):
                 self._put_back(replaced)
             for leftover in folder.glob(".*.tmp"):

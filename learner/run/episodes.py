@@ -16,7 +16,7 @@ from typing import Any, Literal
 from common.errors import StorageError
 from common.messages.experience import EpisodeReport
 from learner.run.disk import DiskWatch
-from learner.run.files import DAMAGED, replace_bytes, set_aside, sync_descriptor, write_all
+from learner.run.files import DAMAGED, replace_bytes, set_aside, sync_descriptor, sync_path, write_all
 
 logger = logging.getLogger(__name__)
 
@@ -98,6 +98,7 @@ class EpisodeLog:
         self._waiting: list[bytes] = []
         try:
             path.touch()
+            sync_path(path.parent)
             if length is not None:
                 self._cut(length)
             self._recall()

@@ -39,6 +39,14 @@ def sync_path(path: Path) -> None:
         os.close(descriptor)
 
 
+def make_folder(path: Path) -> None:
+    """Make a folder, and those above it, that are still there after a power failure."""
+    missing = [folder for folder in (path, *path.parents) if not folder.exists()]
+    path.mkdir(parents=True, exist_ok=True)
+    for folder in missing:
+        sync_path(folder.parent)
+
+
 def write_all(descriptor: int, data: bytes) -> None:
     """Write all of ``data``; what one call leaves out goes into the next."""
     rest = memoryview(data)
@@ -74,7 +82,7 @@ def remove_leftovers(folder: Path) -> None:
 
 def set_aside(folder: Path, name: str, content: bytes) -> Path:
     """Keep bytes that cannot be read in ``folder``, made when missing; return their file, never one that was there."""
-    folder.mkdir(exist_ok=True)
+    make_folder(folder)
     path, number = folder / name, 1
     while path.exists():
         if path.read_bytes() == content:

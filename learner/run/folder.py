@@ -17,7 +17,7 @@ from common.config.schema import RunConfig
 from common.errors import CheckpointError, LockedError, StorageError
 from common.file_lock import FileLock
 from learner.run.code_state import write_code_state
-from learner.run.files import remove_leftovers, replace_text, sync_path, to_json
+from learner.run.files import make_folder, remove_leftovers, replace_text, sync_path, to_json
 
 logger = logging.getLogger(__name__)
 
@@ -86,7 +86,7 @@ class RunFolder(Closing):
         temporary = root / f".{config.name}.{os.getpid()}.tmp"
         lock = None
         try:
-            root.mkdir(parents=True, exist_ok=True)
+            make_folder(root)
             _clear_unfinished(root, config.name)
             temporary.mkdir()
             write_code_state(temporary, "code")

@@ -21,7 +21,7 @@ from typing import NamedTuple
 from common.closing import Closing
 from common.errors import CheckpointError, StorageError
 from learner.run.disk import DiskWatch
-from learner.run.files import DAMAGED, remove_leftovers, sync_descriptor, sync_path, write_all
+from learner.run.files import DAMAGED, make_folder, remove_leftovers, sync_descriptor, sync_path, write_all
 from learner.run.records import (
     SUFFIX,
     Found,
@@ -104,7 +104,7 @@ class Journal(Closing):
         self.losses: list[Loss] = []
         """What was found damaged on opening, oldest first."""
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            make_folder(folder)
             remove_leftovers(folder)
             self._mend(aside or folder.parent / DAMAGED)
             existing = self.segments()
