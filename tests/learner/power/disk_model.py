@@ -124,9 +124,8 @@ def _left(node: _Node, chance: random.Random):
     """What is left of a node's own content."""
     content = node.durable.copy()
     for change in _selection(node.pending, chance):
-        if change[0] == "write" and chance.random() < 0.2:
-            change = _broken(change, chance)
-        _apply(content, change)
+        broken = change[0] == "write" and chance.random() < 0.2
+        _apply(content, _broken(change, chance) if broken else change)
     return content
 
 

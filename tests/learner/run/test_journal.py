@@ -117,7 +117,7 @@ def test_zeros_cost_the_records_that_they_touch(tmp_path_factory, start, length)
     assert found == [record for i, record in enumerate(records) if i not in touched]
     assert sum(loss.length for loss in lost) == RECORD_BYTES * len(touched)
     assert [(loss.first, loss.count) for loss in lost if loss.count] == (
-        [(touched[0], len(touched))] if touched and 0 < touched[0] and touched[-1] < 39 else []
+        [(touched[0], len(touched))] if touched and touched[0] > 0 and touched[-1] < 39 else []
     )
     with Journal(folder) as journal:
         assert payloads(journal) == found and journal.losses == []
