@@ -97,16 +97,15 @@ class RunFolder(Closing):
                 sync_path(file)
             lock = lock_run(temporary)
             sync_path(temporary)
-            temporary.rename(path)
+            if not _take_name(temporary, path):
+                raise CheckpointError(f"another learner has just started run {config.name!r}: choose another --run")
             sync_path(root)
-        except OSError as error:
+        except (OSError, CheckpointError) as error:
             if lock is not None:
                 lock.close()
             shutil.rmtree(temporary, ignore_errors=True)
-            if error.errno in (errno.EEXIST, errno.ENOTEMPTY):
-                raise CheckpointError(
-                    f"another learner has just started run {config.name!r}: choose another --run"
-                ) from None
+            if isinstance(error, CheckpointError):
+                raise
             raise _cannot_write(path, error) from error
         return cls(path, config, lock)
 
@@ -229,6 +228,17 @@ def _config_text(config: RunConfig) -> str:
 
 def _cannot_write(path: Path, error: OSError) -> StorageError:
     return StorageError(f"cannot write the run's folder {path}: {error.strerror}; make room, or choose another --runs")
+
+
+def _take_name(temporary: Path, path: Path) -> bool:
+    """Give a folder its final name; return False when another has it."""
+    try:
+        temporary.rename(path)
+    except OSError as error:
+        if error.errno in (errno.EEXIST, errno.ENOTEMPTY):
+            return False
+        raise
+    return True
 
 
 def _clear_unfinished(root: Path, name: str) -> None:

@@ -168,8 +168,8 @@ class Journal(Closing):
                 if self._failed:
                     self._write_again()
                 number = self._number
-                finished, self._finished = self._finished, []
                 current = os.dup(self._open.descriptor)
+                finished, self._finished = self._finished, []
                 entries, self._entries_changed = self._entries_changed, False
             try:
                 for segment in finished:
@@ -248,8 +248,11 @@ class Journal(Closing):
         try:
             write_all(self._open.descriptor, record)
         except OSError as error:
-            with contextlib.suppress(OSError):
+            try:
                 os.ftruncate(self._open.descriptor, self._size)
+            except OSError:
+                # What is there of the record stays, and reading passes over it.
+                self._size = os.fstat(self._open.descriptor).st_size
             raise self._refused("write to", error, len(record)) from error
         self._number += 1
         self._size += len(record)

@@ -24,7 +24,7 @@ class Loss:
         start: first byte, in the file as it was.
         length: bytes.
         first: number of the first record that is missing, -1 where it is not known.
-        count: records that are missing, 0 where it is not known, as at the end of a journal.
+        count: records that are missing, None where it is not known, as at the end of a journal.
         reason: what is wrong with them.
     """
 
@@ -32,7 +32,7 @@ class Loss:
     start: int
     length: int
     first: int
-    count: int
+    count: int | None
     reason: str
 
     @property
@@ -41,12 +41,12 @@ class Loss:
         return f"{Path(self.segment).stem}-at-{self.start}.bin"
 
     def __str__(self) -> str:
-        if self.count == 1:
-            records = f"record {self.first}"
-        elif self.count:
-            records = f"records {self.first} to {self.first + self.count - 1}"
-        else:
+        if self.count is None:
             records = "an unknown number of records"
+        elif self.count == 1:
+            records = f"record {self.first}"
+        else:
+            records = f"records {self.first} to {self.first + self.count - 1}" if self.count else "no record"
         return f"{self.segment} from byte {self.start}, {self.length} bytes: {records} ({self.reason})"
 
 
@@ -97,7 +97,7 @@ def review(segments: Mapping[int, Path], poison: Poison | None = None) -> Review
                 torn = part.end - part.start
             else:
                 reason = "unfinished" if part.torn else "damaged"
-                losses.append(Loss(path.name, part.start, part.end - part.start, expected, 0, reason))
+                losses.append(Loss(path.name, part.start, part.end - part.start, expected, None, reason))
         if len(losses) > before:
             keep[path] = parts
     return Review(losses, sound, max(expected, 0), torn, keep)
@@ -131,7 +131,7 @@ def mend(segments: Mapping[int, Path], found: Review, aside: Path) -> None:
 
 def _counted(losses: list[Loss], number: int) -> list[Loss]:
     """Fill in how many records the last loss has cost, now that the number of the next sound one is known."""
-    if losses and losses[-1].count == 0 and number >= 0 and losses[-1].first >= 0:
+    if losses and losses[-1].count is None and number >= 0 and losses[-1].first >= 0:
         return [*losses[:-1], replace(losses[-1], count=max(0, number - losses[-1].first))]
     return losses
 

@@ -94,7 +94,7 @@ def test_one_bit_costs_one_record(tmp_path_factory, bit):
         (loss,) = journal.losses
     assert (loss.start, loss.length) == (lost * RECORD_BYTES, RECORD_BYTES)
     # How many records a damaged beginning or end has cost cannot be known.
-    assert (loss.first, loss.count) == ((lost, 1) if 0 < lost < 9 else (lost or -1, 0))
+    assert (loss.first, loss.count) == ((lost, 1) if 0 < lost < 9 else (lost or -1, None))
     assert (folder.parent / DAMAGED / loss.file).stat().st_size == RECORD_BYTES
 
 
@@ -134,7 +134,7 @@ def test_damage_in_any_segment_is_told_and_costs_nothing_else(tmp_path, caplog):
     last.write_bytes(last.read_bytes() + b"nonsense")
     with Journal(folder) as journal:
         assert [record.payload[0] for record in journal.read()] == [0, 2, 3, 4, 5, 6, 8, 9]
-        assert [(loss.first, loss.count) for loss in journal.losses] == [(1, 1), (7, 1), (10, 0)]
+        assert [(loss.first, loss.count) for loss in journal.losses] == [(1, 1), (7, 1), (10, None)]
     assert f"{middle.name} from byte {3 * RECORD_BYTES}, {RECORD_BYTES} bytes: record 7 (damaged)" in caplog.text
     assert (tmp_path / DAMAGED / f"{last.stem}-at-{2 * RECORD_BYTES}.bin").read_bytes() == b"nonsense"
 
