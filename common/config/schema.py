@@ -418,8 +418,9 @@ class JournalConfig(Section):
     """When a delivery is acknowledged: once it is on the disk, so that a power failure loses nothing that was
     acknowledged, or at once, so that it may lose what came within the last `sync_seconds`. The death of the learner's
     process loses nothing either way."""
-    sync_seconds: Annotated[float, Field(gt=0.0, le=60.0)] = 0.05
-    """Least time between two syncs of the disk; all deliveries that come meanwhile share one."""
+    sync_seconds: Annotated[float, Field(gt=0.0, le=1.0)] = 0.05
+    """Least time between two syncs of the disk; all deliveries that come meanwhile share one. Much below
+    `bus.ack_timeout`, after which actors send again."""
 
 
 class ActorConfig(Section):

@@ -10,15 +10,18 @@ import threading
 import time
 
 import pytest
+import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from common.bus.experience import ExperienceSender
 from common.bus.session import open_client_session
 from common.config.schema import BusConfig
 from common.errors import StorageError
+from learner.algorithm.factory import make_learner
 from learner.loop import train
 from learner.run import disk
 from learner.run.folder import RunFolder
+from learner.serial import SerialTrainer
 from tests.learner.runs import episodes, make_trainer, small_config, train_some
 from tests.learner.test_process import Learner
 
@@ -183,6 +186,22 @@ def test_a_run_that_a_full_disk_kept_from_its_first_checkpoint_begins_again(smal
         again.begin()
         assert run.config.seed == 9 and again.checkpoints.names() == ["000000000"]
         again.close()
+
+
+def test_serial_mode_waits_for_room_with_what_it_collected(small_disk):
+    made = episodes(30)
+    with RunFolder.create(small_disk.path / "runs", small_config()) as run:
+        trainer = SerialTrainer(run, make_learner(run.config, torch.device("cpu")))
+        trainer.begin()
+        small_disk.fill()
+        collecting = threading.Thread(target=lambda: [trainer._deliver(delivery.body) for delivery in made])
+        collecting.start()
+        until(lambda: trainer.disk.full)
+        assert trainer.keeper.steps < 240 and collecting.is_alive()
+        small_disk.empty()
+        collecting.join(20.0)
+        assert (trainer.keeper.steps, trainer.ingest.episode_count) == (240, 30)
+        trainer.close()
 
 
 @pytest.mark.slow
