@@ -15,8 +15,7 @@ from learner.run.checkpoints import CheckpointStore
 from learner.run.episodes import damaged_lines, mend_episodes
 from learner.run.files import DAMAGED
 from learner.run.folder import OLDEST_CONTINUED, check_run, lock_run, read_config
-from learner.run.journal import segment_paths
-from learner.run.records import Found, RecordKind
+from learner.run.records import Found, RecordKind, segment_paths
 from learner.run.repair import mend, review
 from learner.watch.event_file import PATTERN, mend_events
 

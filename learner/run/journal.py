@@ -23,14 +23,13 @@ from common.errors import CheckpointError, StorageError
 from learner.run.disk import DiskWatch
 from learner.run.files import DAMAGED, make_folder, remove_leftovers, sync_descriptor, sync_path, write_all
 from learner.run.records import (
-    SUFFIX,
     Found,
     RecordKind,
     encode_record,
     new_marker,
-    read_segment_name,
     scan,
     segment_name,
+    segment_paths,
 )
 from learner.run.repair import Loss, mend, review
 
@@ -118,11 +117,6 @@ class Journal(Closing):
     def segment(self) -> int:
         """Number of the segment that is being written."""
         return self._segment
-
-    @property
-    def size(self) -> int:
-        """Size of all segments on disk, bytes."""
-        return sum(path.stat().st_size for path in segment_paths(self._folder).values())
 
     def segments(self) -> list[int]:
         """Numbers of all segments, ascending."""
@@ -317,9 +311,3 @@ class Journal(Closing):
             logger.error("lost from the journal: %s; the bytes are kept in %s", loss, aside / loss.file)
         for path in segment_paths(self._folder).values():
             sync_path(path)
-
-
-def segment_paths(folder: Path) -> dict[int, Path]:
-    """Return the file of each segment in a journal's folder, by its number."""
-    named = ((path, read_segment_name(path.name)) for path in folder.glob(f"*{SUFFIX}"))
-    return {name[0]: path for path, name in named if name is not None}

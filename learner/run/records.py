@@ -99,6 +99,12 @@ def read_segment_name(name: str) -> tuple[int, bytes] | None:
     return (int(digits), found) if len(found) == (MARKER_BYTES if dash else 0) else None
 
 
+def segment_paths(folder: Path) -> dict[int, Path]:
+    """Return the file of each segment in a journal's folder, by its number."""
+    named = ((path, read_segment_name(path.name)) for path in folder.glob(f"*{SUFFIX}"))
+    return {name[0]: path for path, name in named if name is not None}
+
+
 def new_marker() -> bytes:
     """Draw the marker of a new segment."""
     return secrets.token_bytes(MARKER_BYTES)

@@ -21,7 +21,7 @@ from tensorboard.compat.tensorflow_stub.pywrap_tensorflow import masked_crc32c
 from common.closing import Closing
 from common.errors import StorageError
 from learner.run.disk import DiskWatch
-from learner.run.files import replace_bytes, set_aside, write_all
+from learner.run.files import replace_bytes, set_aside, sync_descriptor, write_all
 
 PATTERN = "events.out.tfevents.*"
 MAX_WAITING = 1 << 20
@@ -82,6 +82,13 @@ class EventFile(Closing):
             return
         self._length += len(data)
         self._waiting = []
+
+    def sync(self) -> None:
+        """Bring what is written onto the disk; a refusal is told to the disk watch alone."""
+        try:
+            sync_descriptor(self._descriptor)
+        except OSError as error:
+            self._disk.refused(StorageError(f"cannot sync {self._path}: {error.strerror}; make room on the disk"))
 
     def close(self) -> None:
         """Write what waits and close; safe to call twice."""

@@ -113,8 +113,9 @@ class Curves(Closing):
         self._file.add(Event(summary=Summary(value=[value])))
 
     def flush(self) -> None:
-        """Write the points that waited for room on the disk."""
+        """Bring all points onto the disk, those that waited for room included."""
         self._file.flush()
+        self._file.sync()
 
     def close(self) -> None:
         """Flush and close; safe to call twice."""

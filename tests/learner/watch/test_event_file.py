@@ -1,6 +1,9 @@
+import os
+
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+from learner.watch import event_file
 from learner.watch.event_file import PATTERN, mend_events
 from learner.watch.metrics import Curves
 
@@ -27,6 +30,18 @@ def test_tensorboard_reads_scalars_and_texts(tmp_path):
     read.Reload()
     assert [(event.step, event.value) for event in read.Scalars("loss")] == [(i, float(i)) for i in range(20)]
     assert read.Tensors("config/text_summary")[0].tensor_proto.string_val == [b"the configuration"]
+
+
+def test_flushed_points_survive_a_power_failure(tmp_path, monkeypatch):
+    synced = []
+    monkeypatch.setattr(event_file, "sync_descriptor", lambda descriptor: synced.append(os.fstat(descriptor).st_size))
+    written = Curves(tmp_path)
+    written.write(1, {"loss": 1.0})
+    assert synced == []
+    written.flush()
+    (file,) = tmp_path.glob(PATTERN)
+    assert synced == [file.stat().st_size]
+    written.close()
 
 
 @pytest.mark.parametrize("damage", ["bit", "zeros", "torn"])
