@@ -7,11 +7,11 @@ import subprocess
 
 from common.config.schema import RunConfig
 from common.errors import ConfigError
+from common.extensions import GENERATOR_PREFIX
 from common.runtime import python_module
 
 logger = logging.getLogger(__name__)
 
-_GENERATOR = "generator:"
 _SECONDS = 120.0
 _MARK = "error: "
 
@@ -30,7 +30,7 @@ def check_maps(config: RunConfig, *, elsewhere: bool = False) -> None:
         ConfigError: a source cannot be used.
     """
     for task in config.tasks:
-        families = [family for family in config.mix if task.name in family.tasks]
+        families = [family for family in config.mix if family.serves(task.name)]
         specs = [
             source
             for evaluate in (False, True)
@@ -38,7 +38,9 @@ def check_maps(config: RunConfig, *, elsewhere: bool = False) -> None:
             for source in config.sources(family, task.name, evaluate=evaluate)
         ]
         _check(
-            [spec for spec in dict.fromkeys(specs) if spec.startswith(_GENERATOR) or not elsewhere], task.name, config
+            [spec for spec in dict.fromkeys(specs) if spec.startswith(GENERATOR_PREFIX) or not elsewhere],
+            task.name,
+            config,
         )
 
 

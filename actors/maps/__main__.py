@@ -104,18 +104,14 @@ def show(
 @command_errors
 def check(
     sources: Annotated[list[str], typer.Argument(help="Folders, files or generators, as in maps.train.")],
-    task: Annotated[
-        str, typer.Option(help="exploration or navigation, which needs maps with a target.")
-    ] = "exploration",
+    task: Annotated[str, typer.Option(help="Name of a task; some need maps with a target.")] = "exploration",
     scale: Annotated[float | None, typer.Option(help="Metres per pixel, instead of the sources' own.")] = None,
 ) -> None:
     """Open sources of maps and load the first world of each.
 
     Example: python -m actors.maps check generator:rooms maps/train
     """
-    if task not in ("exploration", "navigation"):
-        raise MapError(f"--task: expected exploration or navigation, got {task!r}")
-    open_sources(sources, scale, "navigation" if task == "navigation" else "exploration")
+    open_sources(sources, scale, task)
 
 
 @app.command()
