@@ -23,6 +23,7 @@ from common.extensions import SIMULATORS
 from common.ids import check_id
 from common.logs import setup_logging
 from common.messages.replies import Spec
+from common.reaper import Reaper
 from common.runtime import process_environment, python_module
 
 log = logging.getLogger(__name__)
@@ -142,7 +143,13 @@ def main(
         # Once, in one process: a fresh install compiles for a minute, and eight processes would do so all at once.
         log.info("preparing the kernels")
         network = [] if config is None else [config.network.model_dump_json()]
-        subprocess.run(python_module("actors.warmup", *network), env=process_environment(threads=1), check=True)
+        with Reaper() as reaper:
+            subprocess.run(
+                python_module("actors.warmup", *network),
+                env=process_environment(threads=1),
+                check=True,
+                process_group=reaper.group(),
+            )
     log.info("starting %d %s for run %r: %s", num, "evaluators" if evaluate else "actors", run_name, ", ".join(names))
     raise typer.Exit(Supervisor(options).run())
 

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from actors.environment import Environment
+from common.messages.experience import MIN_PROBABILITY
 from common.observation import Observation
 from common.policy import Policy
 
@@ -73,6 +74,8 @@ class PolicyDriver:
             slot = int(np.flatnonzero(observation.waypoint_nodes() == decision.waypoint)[0])
             # The sum over beacons may exceed 1 in its last digit.
             probability = min(float(decision.waypoint_probabilities[slot]), 1.0)
+            if probability < MIN_PROBABILITY:
+                probability = 0.0
         return Choice(decision.beacon, decision.waypoint, self.policy.version, probability)
 
 

@@ -11,6 +11,7 @@ from actors.environment import Environment
 from actors.maps.grid_map import GridMap
 from actors.recorder import Recorder
 from common.messages.experience import End, EpisodeReport
+from common.printable import printable
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +73,7 @@ def run_episode(
         observation = step.observation
     return EpisodeReport(
         task=environment.goal.task.name,
-        map_name=world.name,
+        map_name=printable(world.name)[:256],
         simulator=role.simulator,
         role=role.name,
         driver=driver.name,

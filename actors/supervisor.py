@@ -14,7 +14,10 @@ from types import FrameType
 
 from actors.options import ActorOptions
 from actors.process import EXIT_UNUSABLE
+from common.printable import printable
+from common.reaper import Reaper
 from common.runtime import process_environment, python_module
+from common.threads import guarded
 
 log = logging.getLogger(__name__)
 
@@ -38,7 +41,7 @@ class _Child:
         self.started = 0.0
         self.lines: deque[str] = deque(maxlen=KEPT_LINES)
 
-    def start(self) -> None:
+    def start(self, group: int) -> None:
         self.lines.clear()
         self.started = time.monotonic()
         self.process = subprocess.Popen(
@@ -49,15 +52,18 @@ class _Child:
             stderr=subprocess.STDOUT,
             text=True,
             errors="replace",
+            process_group=group,
         )
-        threading.Thread(target=self._forward, args=(self.process,), daemon=True).start()
+        forward = guarded(f"passing on the log of {self.options.name}", self._forward)
+        threading.Thread(target=forward, args=(self.process,), daemon=True).start()
 
     def _forward(self, process: subprocess.Popen[str]) -> None:
         """Pass the actor's log on, line by line under its name, and keep the last lines."""
         assert process.stdout is not None
         for line in process.stdout:
-            self.lines.append(line.rstrip())
-            sys.stderr.write(f"{self.options.name} | {line}")
+            said = printable(line.rstrip())
+            self.lines.append(said)
+            sys.stderr.write(f"{self.options.name} | {said}\n")
             sys.stderr.flush()
 
     def last_error(self) -> str:
@@ -70,7 +76,8 @@ class Supervisor:
     """Keeps a number of actors running until it is told to stop.
 
     A crashed actor is started again after 1, 2, 4, ... at most 60 seconds; one that ended because of something that a
-    user has to mend (exit code 3) ends all. Actors look after this process, so they end with it whatever happens.
+    user has to mend (exit code 3) ends all. Actors look after this process, and a `Reaper` after the actors, so they
+    end with it within three seconds whatever happens.
 
     Args:
         actors: what each of them is told.
@@ -78,6 +85,7 @@ class Supervisor:
 
     def __init__(self, actors: Sequence[ActorOptions]) -> None:
         self._children = [_Child(options) for options in actors]
+        self._reaper = Reaper()
         self._stopping = 0
 
     def run(self) -> int:
@@ -85,7 +93,7 @@ class Supervisor:
         before = {number: signal.signal(number, self._on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             for child in self._children:
-                child.start()
+                child.start(self._reaper.group())
             while not self._stopping:
                 if any(self._watch(child) for child in self._children):
                     return 1
@@ -96,6 +104,7 @@ class Supervisor:
             return 0
         finally:
             self._stop_all()
+            self._reaper.close()
             for number, handler in before.items():
                 signal.signal(number, handler)
 
@@ -108,7 +117,7 @@ class Supervisor:
         now = time.monotonic()
         if child.process is None:
             if now >= child.due:
-                child.start()
+                child.start(self._reaper.group())
             return False
         code = child.process.poll()
         if code is None:

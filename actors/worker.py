@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import platform
@@ -25,11 +26,14 @@ from common.messages.replies import Spec
 from common.messages.stats import ActorStats
 from common.messages.weights import Weights
 from common.network.parameters import parameter_shapes
+from common.printable import printable
+from common.threads import Ticker
 
 log = logging.getLogger(__name__)
 
 POLL_SECONDS = 0.2
 FLUSH_SECONDS = 1.0
+STATS_SECONDS = 1.0
 
 
 @dataclass(slots=True)
@@ -54,18 +58,22 @@ class Worker:
     Args:
         options: what this actor was told.
         stop: set from outside to end it.
+
+    Attributes:
+        options: what this actor was told.
+        state: what it does now, one line.
+        acted: whether it ever got as far as acting.
     """
 
     def __init__(self, options: ActorOptions, stop: threading.Event) -> None:
-        self._options = options
+        self.options = options
         self._stop = stop
-        self._state = "starting"
+        self.state = "starting"
         self.acted = False
-        """Whether it ever got as far as acting."""
 
     def run(self) -> None:
         """Act until told to stop; a learner that comes back with another configuration is begun with anew."""
-        options = self._options
+        options = self.options
         with (
             open_client_session(options.bus, options.bus.connect or None) as session,
             declare_presence(session, options.run, options.role, options.name),
@@ -79,18 +87,18 @@ class Worker:
         said = False
         while not self._stop.is_set():
             try:
-                return fetch_spec(session, self._options.run, timeout=1.0)
+                return fetch_spec(session, self.options.run, timeout=1.0)
             except BusError:
-                self._state = "waiting for the learner"
+                self.state = "waiting for the learner"
                 if not said:
                     said = True
-                    endpoints = ", ".join(self._options.bus.connect or (self._options.bus.listen,))
-                    log.info("waiting for the learner of run %r at %s", self._options.run, endpoints)
+                    endpoints = ", ".join(self.options.bus.connect or (self.options.bus.listen,))
+                    log.info("waiting for the learner of run %r at %s", self.options.run, endpoints)
         return None
 
     def _act(self, session: zenoh.Session, spec: Spec) -> Spec | None:
         """Act by one specification; return the next when the configuration changed, None when told to stop."""
-        options = self._options
+        options = self.options
         config = options.accept(spec.config)
         with (
             ExperienceSender(
@@ -112,7 +120,7 @@ class Worker:
 
             def deliver(body: Chunk | EpisodeReport) -> None:
                 while not sender.send(body, timeout=POLL_SECONDS) and not self._stop.is_set():
-                    self._state = "paused: the buffer is full"
+                    self.state = "paused: the buffer is full"
 
             collector = Collector(
                 config,
@@ -129,15 +137,8 @@ class Worker:
                 f"evaluating on {len(collector.worlds)} worlds" if options.evaluate else "training",
             )
             parts = _Parts(collector, sender, puller, spec.learner)
-            done = threading.Event()
-            teller = threading.Thread(target=self._tell, args=(session, parts, done), name="statistics", daemon=True)
-            teller.start()
-            try:
+            with contextlib.closing(collector), Ticker("statistics", STATS_SECONDS, _Teller(self, session, parts)):
                 return self._work(session, spec, parts)
-            finally:
-                done.set()
-                teller.join()
-                collector.close()
 
     def _work(self, session: zenoh.Session, spec: Spec, parts: _Parts) -> Spec | None:
         """Run episodes until told to stop, or until a restarted learner has another configuration."""
@@ -154,12 +155,12 @@ class Worker:
             if not self._have_weights(parts):
                 continue
             self.acted = True
-            if self._options.evaluate:
+            if self.options.evaluate:
                 self._evaluate(parts)
             else:
-                self._state = "acting"
+                self.state = "acting"
                 parts.collector.collect(lambda: self._may_go_on(parts))
-        self._state = "stopping"
+        self.state = "stopping"
         parts.sender.flush(FLUSH_SECONDS)
         return None
 
@@ -170,7 +171,7 @@ class Worker:
         if not heard:
             return None
         try:
-            spec = fetch_spec(session, self._options.run, timeout=1.0)
+            spec = fetch_spec(session, self.options.run, timeout=1.0)
         except BusError:
             # It is gone again; what is known goes on holding until it answers.
             return None
@@ -180,9 +181,9 @@ class Worker:
     def _have_weights(self, parts: _Parts) -> bool:
         """Load the newest policy version; wait a moment for the first one, or for a new one to evaluate."""
         newest = parts.puller.latest()
-        evaluated = self._options.evaluate and newest is not None and newest is parts.weights
+        evaluated = self.options.evaluate and newest is not None and newest is parts.weights
         if newest is None or evaluated:
-            self._state = "waiting for the first weights" if newest is None else "waiting for a new version"
+            self.state = "waiting for the first weights" if newest is None else "waiting for a new version"
             parts.puller.wait(POLL_SECONDS, after=newest)
             return False
         self._load(parts, newest)
@@ -199,9 +200,9 @@ class Worker:
         if newest is not None:
             self._load(parts, newest)
         while (hold := parts.sender.hold) > 0.0 and not self._stop.is_set():
-            self._state = "held by the learner"
+            self.state = "held by the learner"
             self._stop.wait(min(hold, POLL_SECONDS))
-        self._state = "acting" if parts.sender.learner_present else "acting, the learner does not answer"
+        self.state = "acting" if parts.sender.learner_present else "acting, the learner does not answer"
         return not self._stop.is_set()
 
     def _evaluate(self, parts: _Parts) -> None:
@@ -211,7 +212,7 @@ class Worker:
         successes = 0
         distance = 0.0
         for index in range(total):
-            self._state = f"evaluating version {version}: world {index + 1} of {total}"
+            self.state = f"evaluating version {version}: world {index + 1} of {total}"
             report = parts.collector.evaluate(index, lambda: not self._stop.is_set())
             if report is None:
                 return
@@ -221,27 +222,32 @@ class Worker:
             "version %d: %d of %d worlds complete, mean distance %.1f m", version, successes, total, distance / total
         )
 
-    def _tell(self, session: zenoh.Session, parts: _Parts, done: threading.Event) -> None:
-        """Publish statistics once a second."""
-        options, collector = self._options, parts.collector
-        steps, then = collector.steps, time.monotonic()
-        while not done.wait(1.0):
-            now = time.monotonic()
-            rate = (collector.steps - steps) / (now - then)
-            steps, then = collector.steps, now
-            stats = ActorStats(
-                actor=options.name,
-                host=platform.node()[:64],
-                pid=os.getpid(),
-                steps=collector.steps,
-                episodes=collector.episodes,
-                steps_per_second=rate,
-                version=-1 if parts.weights is None else parts.weights.version,
-                version_age=parts.puller.age,
-                buffered=parts.sender.pending,
-                state=self._state,
-            )
-            try:
-                publish_stats(session, options.run, options.role, options.name, stats)
-            except zenoh.ZError:
-                return
+
+class _Teller:
+    """Publishes the statistics of a worker, each time that it is called."""
+
+    def __init__(self, worker: Worker, session: zenoh.Session, parts: _Parts) -> None:
+        self._worker = worker
+        self._session = session
+        self._parts = parts
+        self._steps, self._then = parts.collector.steps, time.monotonic()
+
+    def __call__(self) -> None:
+        options, parts = self._worker.options, self._parts
+        now, steps = time.monotonic(), parts.collector.steps
+        rate = (steps - self._steps) / (now - self._then)
+        self._steps, self._then = steps, now
+        stats = ActorStats(
+            actor=options.name,
+            host=printable(platform.node())[:64],
+            pid=os.getpid(),
+            steps=steps,
+            episodes=parts.collector.episodes,
+            steps_per_second=rate,
+            version=-1 if parts.weights is None else parts.weights.version,
+            version_age=parts.puller.age,
+            buffered=parts.sender.pending,
+            state=self._worker.state,
+        )
+        if not self._session.is_closed():
+            publish_stats(self._session, options.run, options.role, options.name, stats)

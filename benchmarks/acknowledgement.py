@@ -69,9 +69,7 @@ def _learner(interval: float | None) -> Iterator[BusConfig]:
         ingest = Ingest(config, replay, RatioKeeper(1.0, 10**9, 1), journal, episodes)
         session = stack.enter_context(open_learner_session(bus))
         when = None if interval is None else commit.when_synced
-        server = ExperienceServer(
-            session, RUN, new_incarnation(), ingest.store, journal=ingest.keep_raw, when_durable=when
-        )
+        server = ExperienceServer(session, RUN, new_incarnation(), ingest.store, when_durable=when)
         stack.enter_context(server)
         yield bus
 

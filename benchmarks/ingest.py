@@ -64,7 +64,7 @@ def run(chunks: int = 1000) -> dict[str, float]:
     config = BusConfig(listen=f"tcp/127.0.0.1:{free_port()}")
     with (
         open_learner_session(config) as session,
-        ExperienceServer(session, RUN, new_incarnation(), lambda _: 0.0),
+        ExperienceServer(session, RUN, new_incarnation(), lambda *_: 0.0),
         WeightsPublisher(session, RUN) as publisher,
     ):
         results |= latency(config)

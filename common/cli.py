@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 
 from common.errors import HDError
+from common.printable import printable
 from common.registry import Registry
 
 P = ParamSpec("P")
@@ -78,4 +79,4 @@ def completing(registry: Registry) -> Callable[[str], list[str]]:
 
 
 def _plain(text: str) -> str:
-    return text.replace("[", "\\[")
+    return printable(text, lines=True).replace("[", "\\[")

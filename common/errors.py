@@ -38,6 +38,10 @@ class MessageError(HDError):
         self.problem = problem
 
 
+class RefusedError(HDError):
+    """A delivery is refused for good; its actor must not send it again."""
+
+
 class MapError(HDError):
     """A map file or a map source cannot be used."""
 

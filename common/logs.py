@@ -5,14 +5,45 @@ from __future__ import annotations
 import logging
 import os
 import sys
+from logging.handlers import RotatingFileHandler
+from pathlib import Path
 from typing import Literal
 
 from rich.console import Console
 from rich.logging import RichHandler
 
+from common.printable import printable
+
 Level = Literal["debug", "info", "warning", "error"]
 
 PLAIN_FORMAT = "%(asctime)s %(levelname)-7s %(name)s: %(message)s"
+MAX_BYTES = 10_000_000
+"""Size at which a log file is set aside and a new one begun."""
+KEPT_FILES = 4
+"""Files kept beside the newest."""
+
+
+class PrintableFormatter(logging.Formatter):
+    """Shows what a terminal would obey, wherever in a line it came from; tracebacks keep their lines."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the text of one record."""
+        return printable(super().format(record), lines=True)
+
+
+class _LogFile(RotatingFileHandler):
+    """A log of bounded size; on a full disk lines are missing from it, and the terminal has them all."""
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - a name of the standard library
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handleError(record)
+
+
+def log_file(path: Path) -> logging.Handler:
+    """Return a handler that writes plain lines into a file of bounded size: `path`, then `path`.1 and so on."""
+    handler = _LogFile(path, maxBytes=MAX_BYTES, backupCount=KEPT_FILES, encoding="utf-8")
+    handler.setFormatter(PrintableFormatter(PLAIN_FORMAT))
+    return handler
 
 
 def setup_logging(level: str | None = None, *, console: Console | None = None) -> None:
@@ -35,10 +66,10 @@ def setup_logging(level: str | None = None, *, console: Console | None = None) -
     handler: logging.Handler
     if console is not None or sys.stderr.isatty():
         handler = RichHandler(console=console or Console(stderr=True), show_path=False, rich_tracebacks=False)
-        handler.setFormatter(logging.Formatter("%(name)s: %(message)s", datefmt="[%X]"))
+        handler.setFormatter(PrintableFormatter("%(name)s: %(message)s", datefmt="[%X]"))
     else:
         handler = logging.StreamHandler()
-        handler.setFormatter(logging.Formatter(PLAIN_FORMAT))
+        handler.setFormatter(PrintableFormatter(PLAIN_FORMAT))
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(number)

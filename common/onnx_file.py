@@ -12,6 +12,9 @@ from common.errors import CheckpointError
 
 SUFFIX: Final = ".onnx"
 KEY: Final = "hdplanner_card"
+MAX_CARD: Final = 1 << 20
+MAX_FIELDS: Final = 10_000
+"""Fields of a model and of its metadata; real ones have a few dozen."""
 # ModelProto.metadata_props is field 14, its entries have a key (1) and a value (2); all are length-delimited (type 2).
 _METADATA: Final = 14 << 3 | 2
 _ENTRY_KEY: Final = 1 << 3 | 2
@@ -31,15 +34,21 @@ def split(data: bytes) -> tuple[bytes, str]:
         CheckpointError: these are no bytes of a model, or it carries no card of this software.
     """
     try:
-        at = 0
+        at = fields = 0
         while at < len(data):
+            fields += 1
+            if fields > MAX_FIELDS:
+                raise ValueError("it has fields without end")
             begin = at
             tag, value, at = _next(data, at)
-            if tag != _METADATA or value is None:
+            if tag != _METADATA or value is None or len(value) > MAX_CARD:
                 continue
             entry: dict[int, bytes] = {}
             inner = 0
             while inner < len(value):
+                fields += 1
+                if fields > MAX_FIELDS:
+                    raise ValueError("it has fields without end")
                 key, part, inner = _next(value, inner)
                 entry[key] = part or b""
             if entry.get(_ENTRY_KEY) == KEY.encode():

@@ -21,6 +21,7 @@ from safetensors.numpy import save as save_tensors
 
 from common import onnx_file
 from common.config.schema import MappingConfig, NetworkConfig
+from common.documents import parse_json, read_text
 from common.errors import CheckpointError
 from common.extensions import GENERATOR_PREFIX
 from common.network.onnx_network import OnnxNetwork
@@ -29,6 +30,8 @@ from common.tasks import BOTH
 
 FORMAT = 1
 SUFFIX = ".safetensors"
+MAX_BYTES = 1 << 28
+"""Largest policy, as on the bus."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,14 +191,16 @@ def _tensors(path: Path, data: bytes) -> dict[str, NDArray[Any]]:
 def _read(path: Path) -> tuple[PolicyCard, bytes]:
     """Return the card and the bytes that it describes: of the weights, or of the ONNX model without its card."""
     try:
+        if path.stat().st_size > MAX_BYTES:
+            raise CheckpointError(f"{path} is no policy: it has more than {MAX_BYTES:,} bytes")
         data = path.read_bytes()
         if path.suffix == onnx_file.SUFFIX:
             where = path
             data, text = onnx_file.split(data)
         else:
             where = card_path(path)
-            text = where.read_text("utf-8")
-        values = json.loads(text)
+            text = read_text(where)
+        values = parse_json(text)
         written, digest = values.pop("format"), values.pop("sha256")
         if written != FORMAT:
             raise CheckpointError(f"{where} has format {written}, this software reads format {FORMAT}")

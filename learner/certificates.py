@@ -12,6 +12,7 @@ from typing import Any
 
 import trustme
 
+from common.documents import read_json
 from common.errors import ConfigError
 from common.ids import check_id
 
@@ -217,7 +218,7 @@ def _read_names(path: Path) -> dict[str, list[str]]:
     if not path.exists():
         return {"hosts": [], "actors": [], "robots": []}
     try:
-        names = json.loads(path.read_text("utf-8"))
+        names = read_json(path)
         return {kind: [str(name) for name in names[kind]] for kind in ("hosts", "actors", "robots")}
     except (ValueError, KeyError, TypeError) as error:
         raise ConfigError(f"{path} is damaged ({error}): remove it and name all hosts again") from None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from common.config.load import load_config, preset_names
 from common.config.schema import RunConfig
 from common.errors import CheckpointError, ConfigError, StorageError
 from common.extensions import SIMULATORS
-from common.logs import PLAIN_FORMAT, setup_logging
+from common.logs import log_file, setup_logging
 from common.runtime import restart_prepared
 from learner.map_check import check_maps
 from learner.remote_cli import add_remote_commands
@@ -346,22 +345,13 @@ def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, ov
             run_learner(folder, Companions(options.actors, options.evaluators), console, resume=resume)
 
 
-class _RunLog(logging.FileHandler):
-    """The log in the run's folder; on a full disk lines are missing from it, and the terminal has them all."""
-
-    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - a name of the standard library
-        if not isinstance(sys.exc_info()[1], OSError):
-            super().handleError(record)
-
-
 @contextmanager
 def _log_file(path: Path) -> Iterator[None]:
     """Write the log into the run's folder as well."""
     try:
-        handler = _RunLog(path, encoding="utf-8")
+        handler = log_file(path)
     except OSError as error:
         raise StorageError(f"cannot write {path}: {error.strerror}; make room on the disk") from error
-    handler.setFormatter(logging.Formatter(PLAIN_FORMAT))
     logging.getLogger().addHandler(handler)
     try:
         yield

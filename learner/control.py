@@ -17,7 +17,7 @@ CHECKPOINT_SECONDS = 60.0
 
 
 class Control:
-    """Carries commands out and answers with the status after them.
+    """Carries commands out and answers with the status after them: a page of it, see `LearnerStatus.page`.
 
     Args:
         trainer: what is commanded.
@@ -47,7 +47,7 @@ class Control:
         if request.verb != "status":
             logger.info("command: %s", request.verb)
         act()
-        return self._status().to_json()
+        return self._status().page(str(request.arguments.get("after", "")))
 
     def _checkpoint(self) -> None:
         if not self._trainer.request_checkpoint(CHECKPOINT_SECONDS):

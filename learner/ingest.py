@@ -5,26 +5,35 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from common.bus.seen import SeenSet
+from common.bus.keys import host_of
+from common.bus.seen import MAX_CLOSED, SeenSet
+from common.bus.tls import certified_hosts
 from common.config.schema import RunConfig
-from common.errors import CheckpointError, MessageError
+from common.errors import CheckpointError, MessageError, RefusedError
 from common.messages.experience import Chunk, Delivery, EpisodeReport
-from common.messages.schema import decode, encode
+from common.messages.schema import decode, describe_delivery, encode
+from learner.quarantine import Quarantine
 from learner.ratio import RatioKeeper
 from learner.replay.buffer import Replay
 from learner.run.episodes import EpisodeLog, group_of
 from learner.run.journal import Journal
 from learner.run.records import RecordKind
-from learner.watch.evaluation import EvaluationRounds, Round
+from learner.watch.evaluation import EvaluationRounds, Evaluators, Round
 from learner.watch.metrics import Means, RateMeter
 
 logger = logging.getLogger(__name__)
+
+_MAX_ACTORS = 10_000
+# Messages of a journal that are named in the log; of the others there is the number.
+_MAX_NAMED = 100
 
 
 @dataclass(slots=True)
@@ -58,48 +67,67 @@ class Ingest:
         keeper: counts steps and tells how long actors should pause.
         journal: of the run.
         episodes: of the run.
+        evaluators: hosts whose evaluators count besides those of `learner.evaluators`: those that the learner starts.
     """
 
     def __init__(
-        self, config: RunConfig, replay: Replay, keeper: RatioKeeper, journal: Journal, episodes: EpisodeLog
+        self,
+        config: RunConfig,
+        replay: Replay,
+        keeper: RatioKeeper,
+        journal: Journal,
+        episodes: EpisodeLog,
+        evaluators: Sequence[str] = (),
     ) -> None:
         self.replay = replay
         self.keeper = keeper
         self.episodes = episodes
         self.means = Means()
         self.steps_rate = RateMeter()
-        self.actors: dict[str, ActorRecord] = {}
+        self.actors: OrderedDict[str, ActorRecord] = OrderedDict()
+        """The actors heard last, at most 10,000."""
         self.version = 0
         """Newest published policy version."""
         self.episode_count = 0
+        self.duplicates = 0
+        """Deliveries that came again since this process started."""
+        self.poisoned = 0
+        """Deliveries of the journal that would not be taken today, and were set aside."""
+        self.quarantine = Quarantine(replay)
         self.evaluated_at = float("-inf")
         """Monotonic seconds of the newest report of an evaluator."""
         self._keep_replay = config.checkpoints.replay
         self._journal = journal
-        self._rounds = EvaluationRounds(config.maps.validation_count)
+        certified = certified_hosts(config.bus)
+        host = partial(host_of, certified=certified)
+        self._rounds = EvaluationRounds(
+            config.maps.validation_count, Evaluators.of(config, certified, evaluators), lambda: self.version
+        )
         self._finished_rounds: SimpleQueue[Round] = SimpleQueue()
-        self._seen = SeenSet()
-        self._raw: bytes | None = None
+        self._seen = SeenSet(host)
         # Last arrival number of the replay buffer that each journal segment holds.
         self._segment_ends: dict[int, int] = {}
         self._lock = threading.Lock()
         self._arrival = threading.Condition()
 
-    def keep_raw(self, payload: bytes) -> None:
-        """Take the bytes of the delivery that `store` is called with next, so that it need not encode it again."""
-        self._raw = payload
-
-    def store(self, delivery: Delivery) -> float:
+    def store(self, delivery: Delivery, payload: bytes | None = None) -> float:
         """Take one valid delivery; return the seconds that its actor should pause.
 
-        A delivery that was stored before changes nothing.
+        A delivery that was stored before changes nothing: this is where at-least-once delivery becomes exactly-once.
+
+        Args:
+            delivery: what came.
+            payload: the bytes that it came as; encoded here when not given.
 
         Raises:
             StorageError: when the journal cannot be written; nothing is stored then.
+            RefusedError: nothing of this actor is taken any more.
         """
-        payload, self._raw = self._raw, None
         with self._lock:
-            if (delivery.actor, delivery.incarnation, delivery.sequence) not in self._seen:
+            if (delivery.actor, delivery.incarnation, delivery.sequence) in self._seen:
+                self.duplicates += 1
+            else:
+                self._admit(delivery)
                 segment = self._journal.segment
                 self._journal.append(RecordKind.DELIVERY, encode(delivery) if payload is None else payload)
                 self._take(delivery, segment)
@@ -140,10 +168,10 @@ class Ingest:
             return self._rounds.versions
 
     @property
-    def seen_state(self) -> dict[str, Any]:
-        """What was stored so far, as the bus's server takes it over."""
+    def stored(self) -> dict[tuple[str, int], list[tuple[int, int]]]:
+        """Ranges [first, end) of the sequence numbers that are stored, by (actor, incarnation), of those that speak."""
         with self._lock:
-            return self._seen.state()
+            return self._seen.streams()
 
     # --- checkpoints -------------------------------------------------------------------------------------------
 
@@ -155,6 +183,7 @@ class Ingest:
         """
         with self._lock:
             self.episodes.flush()
+            self._seen.tidy()
             return {
                 "segment": self._journal.rotate(),
                 "steps": self.keeper.steps,
@@ -163,6 +192,7 @@ class Ingest:
                 "version": self.version,
                 "seen": self._seen.state(),
                 "rounds": self._rounds.state(),
+                "quarantine": self.quarantine.state(),
             }
 
     def sync(self) -> None:
@@ -197,6 +227,8 @@ class Ingest:
         self.version = int(snapshot["version"])
         self._seen.restore(snapshot["seen"])
         self._rounds.restore(snapshot["rounds"])
+        if "quarantine" in snapshot:  # checkpoints of earlier releases have none
+            self.quarantine.restore(snapshot["quarantine"])
         again = 0
         before = SeenSet()
         for segment in self._journal.segments():
@@ -210,6 +242,8 @@ class Ingest:
                 logger.error("%s; the replay buffer goes on without the rest of it", error)
         if self._journal.losses and (missing := missing_deliveries(self._seen)):
             logger.error("deliveries that the damage has cost: %s", missing)
+        if self.poisoned:
+            logger.error("%d messages of the journal are not what is taken today, and were set aside", self.poisoned)
         fresh_from = 0 if self._keep_replay and len(self.replay) else int(snapshot["steps"])
         self.keeper.restore(self.keeper.steps, updates, len(self.replay), fresh_from)
         logger.info(
@@ -226,13 +260,9 @@ class Ingest:
             if record.kind is RecordKind.VERSION:
                 self.version = max(self.version, int.from_bytes(record.payload, "little"))
                 continue
-            try:
-                delivery = decode(record.payload, Delivery)
-            except MessageError as error:
-                raise CheckpointError(
-                    f"journal segment {segment} holds a delivery that this software cannot read ({error}): "
-                    "resume the run with the release that wrote it, or have `hd-learner doctor --repair` set it aside"
-                ) from error
+            delivery = self._read_delivery(record.payload, segment)
+            if delivery is None:
+                continue
             key = (delivery.actor, delivery.incarnation, delivery.sequence)
             if segment < place:
                 if before.add(*key):
@@ -247,6 +277,21 @@ class Ingest:
         """The snapshot of a run that has no checkpoint: all that its journal holds counts."""
         return {"segment": 0, "steps": 0, "episodes": 0, "version": 0, "seen": {"streams": []}, "rounds": []}
 
+    def _read_delivery(self, payload: bytes, segment: int) -> Delivery | None:
+        """Return a delivery of the journal, None when it is not what may be stored today."""
+        try:
+            return decode(payload, Delivery)
+        except MessageError as error:
+            if error.field == "delivery.v":
+                raise CheckpointError(
+                    f"journal segment {segment} holds a delivery that this software cannot read ({error}): "
+                    "resume the run with the release that wrote it"
+                ) from error
+            self.poisoned += 1
+            if self.poisoned <= _MAX_NAMED:
+                logger.error("journal segment %d: set aside %s: %s", segment, describe_delivery(payload), error)
+            return None
+
     # --- parts of storing --------------------------------------------------------------------------------------
 
     def _take(self, delivery: Delivery, segment: int) -> None:
@@ -257,7 +302,21 @@ class Ingest:
             self._note_episode(delivery, delivery.body)
         self._seen.add(delivery.actor, delivery.incarnation, delivery.sequence)
 
+    def _admit(self, delivery: Delivery) -> None:
+        """Raise RefusedError when nothing new of its actor may be stored."""
+        refusal = self.quarantine.refusal(delivery.actor)
+        if refusal:
+            raise RefusedError(refusal)
+        if self._seen.full and not self._seen.knows(delivery.actor, delivery.incarnation):
+            raise RefusedError(
+                f"this run has had {MAX_CLOSED:,} processes of actors and takes no further ones: somebody invents "
+                "names; use certificates (docs/bus.md), and begin another run"
+            )
+
     def _fill(self, delivery: Delivery, segment: int) -> int:
+        body = delivery.body
+        if isinstance(body, Chunk) and (delivery.actor, delivery.incarnation, delivery.sequence) in self.quarantine:
+            return body.steps
         steps = self.replay.add(delivery)
         if steps:
             self._segment_ends[segment] = self.replay.arrivals[1]
@@ -280,6 +339,9 @@ class Ingest:
 
     def _note_actor(self, delivery: Delivery) -> None:
         record = self.actors.setdefault(delivery.actor, ActorRecord())
+        self.actors.move_to_end(delivery.actor)
+        if len(self.actors) > _MAX_ACTORS:
+            self.actors.popitem(last=False)
         record.arrived = time.monotonic()
         body = delivery.body
         if isinstance(body, Chunk):

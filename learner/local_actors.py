@@ -13,10 +13,13 @@ from common.closing import Closing
 from common.config.schema import BusConfig
 from common.errors import ConfigError
 from common.runtime import process_environment, python_module
+from common.threads import guarded
 
 logger = logging.getLogger(__name__)
 actor_log = logging.getLogger("actors")
 
+LOCAL = "local"
+"""What the names of local actors begin with: the host that they count as."""
 STOP_SECONDS = 4.0
 # A line of an actor's log: name of the actor (none for its supervisor), time, level, logger, message.
 _LOG_LINE = re.compile(r"(?:([a-z0-9-]+) \| )?[0-9-]+ [0-9:,]+ (DEBUG|INFO|WARNING|ERROR) +([\w.]+): (.*)")
@@ -45,9 +48,7 @@ class LocalActors(Closing):
         ConfigError: when the bus uses certificates, since each actor needs its own.
     """
 
-    def __init__(
-        self, bus: BusConfig, run: str, number: int, prefix: str = "local", options: Sequence[str] = ()
-    ) -> None:
+    def __init__(self, bus: BusConfig, run: str, number: int, prefix: str = LOCAL, options: Sequence[str] = ()) -> None:
         if bus.tls_ca is not None:
             raise ConfigError(
                 "local actors (--actors) have no certificates of their own: with TLS start them with `hd-actor` and "
@@ -91,10 +92,11 @@ class LocalActors(Closing):
 
     def _read(self) -> None:
         assert self._process.stdout is not None
+        pass_on = guarded("passing on the log of the local actors", _pass_on)
         with self._process.stdout as lines:
             for line in lines:
                 if line.strip():
-                    _pass_on(line.rstrip())
+                    pass_on(line.rstrip())
         code = self._process.wait()
         if not self._stopping:
             level = logging.ERROR if code else logging.INFO

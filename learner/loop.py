@@ -15,9 +15,9 @@ def train(trainer: Trainer) -> None:
     while not trainer.finished:
         if trainer.data_is_ready():
             batch = trainer.sample()
-            trainer.learn(batch)
-            trainer.publish_if_due()
-            trainer.record_if_due()
+            if trainer.learn(batch):
+                trainer.publish_if_due()
+                trainer.record_if_due()
         trainer.serve()
     while not trainer.evaluation_is_ready():
         trainer.serve()

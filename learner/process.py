@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import logging
 import signal
-import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from types import FrameType
@@ -27,11 +26,12 @@ from common.errors import BusError
 from common.messages.replies import Spec
 from common.messages.weights import Weights
 from common.runtime import cores_left, limit_threads
+from common.threads import Ticker
 from learner.algorithm.base import PublishedVersion
 from learner.algorithm.device import choose_device
 from learner.algorithm.factory import make_learner
 from learner.control import Control
-from learner.local_actors import LocalActors
+from learner.local_actors import LOCAL, LocalActors
 from learner.loop import train
 from learner.run.folder import RunFolder
 from learner.trainer import Trainer
@@ -89,17 +89,13 @@ class Link(Closing):
                 run,
                 learner,
                 trainer.ingest.store,
-                journal=trainer.ingest.keep_raw,
-                state=trainer.ingest.seen_state,
                 when_durable=trainer.commit.when_synced if config.journal.acknowledge == "disk" else None,
             )
         )
         enter(ControlServer(session, run, Control(trainer, self.status)))
         enter(SpecServer(session, Spec(run, learner, config.model_dump_json())))
         enter(declare_presence(session, run, "learner", LEARNER))
-        self._closed = threading.Event()
-        self._ticker = threading.Thread(target=self._tick, name="learner stats", daemon=True)
-        self._ticker.start()
+        enter(Ticker("statistics of the learner", STATS_SECONDS, self._tell))
 
     def status(self) -> LearnerStatus:
         """Describe the learner and everybody on the bus."""
@@ -107,14 +103,11 @@ class Link(Closing):
 
     def close(self) -> None:
         """Take everything off the bus; safe to call twice."""
-        self._closed.set()
-        self._ticker.join()
         self._stack.close()
 
-    def _tick(self) -> None:
-        while not self._closed.wait(STATS_SECONDS):
-            stats = self._reporter.learner_stats(self.status())
-            publish_stats(self._session, self._trainer.config.name, "learner", LEARNER, stats)
+    def _tell(self) -> None:
+        stats = self._reporter.learner_stats(self.status())
+        publish_stats(self._session, self._trainer.config.name, "learner", LEARNER, stats)
 
 
 def run_learner(run: RunFolder, companions: Companions, console: Console, *, resume: bool) -> None:
@@ -150,7 +143,7 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
             publisher.publish(newest, averaged)
 
         algorithm = make_learner(config, device)
-        trainer = Trainer(run, algorithm, publish)
+        trainer = Trainer(run, algorithm, publish, [LOCAL] if companions.evaluators else [])
         stack.callback(trainer.close)
         if resume:
             trainer.resume()
@@ -198,10 +191,10 @@ def _local_actors(run: RunFolder, companions: Companions) -> list[LocalActors]:
     allowed = [word for module in module_names(run.config) for word in ("--allow", module)]
     options = [*companions.options, *allowed]
     if companions.actors:
-        started.append(LocalActors(bus, name, companions.actors, "local", options))
+        started.append(LocalActors(bus, name, companions.actors, LOCAL, options))
     if companions.evaluators:
         options = ["--evaluate", *options]
-        started.append(LocalActors(bus, name, companions.evaluators, "local", options))
+        started.append(LocalActors(bus, name, companions.evaluators, LOCAL, options))
     return started
 
 

@@ -115,6 +115,13 @@ def _ask(verb: str, run: str | None, connect: str | None, overrides: list[str] |
     with _session(connect, overrides) as session:
         name = run or _only_run(session, timeout)
         body = request(session, name, verb, timeout)
+        actors, last = list(body.get("actors", [])), ""
+        while verb == "status" and (after := body.get("next")) and after > last:
+            # A learner with thousands of actors tells of them page by page.
+            last = after
+            body = request(session, name, verb, timeout, {"after": after})
+            actors += body.get("actors", [])
+        body["actors"] = actors
     try:
         return LearnerStatus.from_json(body)
     except (KeyError, TypeError) as error:

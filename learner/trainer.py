@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import logging
-import math
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from common.errors import CheckpointError, HDError, StorageError
+from common.errors import CheckpointError, StorageError
 from common.network.parameters import with_features
 from common.policy_file import PolicyCard, portable_sources, read_weights
-from learner.algorithm.base import Algorithm, PublishedVersion
+from learner.algorithm.base import Algorithm, NotFiniteError, PublishedVersion
 from learner.algorithm.batch import TransitionBatch
 from learner.ingest import Ingest
 from learner.ratio import RatioKeeper
@@ -52,14 +51,22 @@ class Trainer:
         run: the run's folder.
         algorithm: the mathematics.
         publish: sends a policy version to the actors; must not wait for them.
+        evaluators: hosts whose evaluators count besides those of `learner.evaluators`: those that the learner starts.
     """
 
-    def __init__(self, run: RunFolder, algorithm: Algorithm, publish: Callable[[PublishedVersion], None]) -> None:
+    def __init__(
+        self,
+        run: RunFolder,
+        algorithm: Algorithm,
+        publish: Callable[[PublishedVersion], None],
+        evaluators: Sequence[str] = (),
+    ) -> None:
         config = run.config
         self.run = run
         self.config = config
         self.algorithm = algorithm
         self._publish = publish
+        self._evaluators = tuple(evaluators)
         self.replay = Replay(config.replay.capacity, config.replay.max_bytes)
         self.keeper = RatioKeeper(
             config.learner.updates_per_step, config.learner.ratio_tolerance, config.replay.min_steps
@@ -160,7 +167,7 @@ class Trainer:
 
     def _open_records(self, episodes_length: int, updates: int) -> None:
         episodes = EpisodeLog(self.run.episodes, episodes_length, self.disk)
-        self.ingest = Ingest(self.config, self.replay, self.keeper, self._journal, episodes)
+        self.ingest = Ingest(self.config, self.replay, self.keeper, self._journal, episodes, self._evaluators)
         self.recorder = Recorder(self.run.tensorboard, self.ingest, updates, self.disk)
 
     # --- the stages of the loop --------------------------------------------------------------------------------
@@ -192,23 +199,23 @@ class Trainer:
         self.recorder.note("time/sample_ms", 1e3 * (time.perf_counter() - began))
         return batch
 
-    def learn(self, batch: TransitionBatch) -> None:
-        """Make one update.
+    def learn(self, batch: TransitionBatch) -> bool:
+        """Make one update; return False when nothing could be learnt from the batch, which is set aside then.
 
         Raises:
-            HDError: when a figure of the update is not finite; the last checkpoint is older than that.
+            HDError: when that happens again and again; the weights are those before the first time.
         """
         began = time.perf_counter()
-        figures = self.algorithm.update(batch)
-        if not all(math.isfinite(value) for value in figures.values()):
-            bad = ", ".join(name for name, value in figures.items() if not math.isfinite(value))
-            raise HDError(
-                f"update {self.keeper.updates + 1} has diverged ({bad} not finite): lower the learning rates "
-                "(--set adam.policy=..., adam.critic=...) and resume from the last checkpoint"
-            )
+        try:
+            figures = self.algorithm.update(batch)
+        except NotFiniteError as error:
+            self.ingest.quarantine.take(batch, error, self.keeper.updates + 1)
+            return False
+        self.ingest.quarantine.note_sound()
         self.keeper.note_update()
         self.recorder.note_update(figures)
         self.recorder.note("time/update_ms", 1e3 * (time.perf_counter() - began))
+        return True
 
     def publish(self) -> None:
         """Send the newest policy to the actors under a new version number; later, when the disk refuses to note it."""

@@ -10,6 +10,7 @@ from typing import Any
 
 from actors.evaluation.episode import Outcome
 from actors.evaluation.results import ResultsError
+from common.documents import parse_json
 
 FORMAT = 1
 
@@ -81,14 +82,14 @@ class Journal:
 
     def _read(self, lines: list[bytes], head: Mapping[str, Any]) -> None:
         try:
-            first = json.loads(lines[0])
+            first = parse_json(lines[0])
             if first != head:
                 raise ResultsError(
                     f"{self._path} is of a run with other settings ({_difference(first, head)}): choose another --out, "
                     "or begin anew with --overwrite"
                 )
             for line in lines[1:]:
-                values = json.loads(line)
+                values = parse_json(line)
                 number, commit = values.pop("number"), values.pop("commit")
                 values["waypoints"] = [(float(x), float(y)) for x, y in values["waypoints"]]
                 outcome = self._kind(**values)

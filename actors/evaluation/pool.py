@@ -16,7 +16,9 @@ from typing import Any, Self
 from actors.evaluation.episode import Outcome, Place, crashed
 from actors.evaluation.settings import EvaluationSettings
 from common.errors import HDError
+from common.reaper import Reaper
 from common.runtime import process_environment, python_module
+from common.threads import guarded
 
 log = logging.getLogger(__name__)
 
@@ -55,6 +57,7 @@ class _Worker:
         settings: EvaluationSettings,
         module: str,
         events: queue.Queue[tuple[_Worker, dict[str, Any] | None]],
+        group: int,
     ) -> None:
         self.ready = False
         self.job: Job | None = None
@@ -69,10 +72,11 @@ class _Worker:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            # Ctrl-C is for this process alone, which then stops its workers.
-            start_new_session=True,
+            # Ctrl-C is for this process alone, which then stops its workers; when it is killed, its reaper does.
+            process_group=group,
         )
-        threading.Thread(target=self._listen, daemon=True).start()
+        listen = guarded("listening to an evaluating process", self._listen)
+        threading.Thread(target=listen, daemon=True).start()
 
     def give(self, job: Job) -> None:
         """Hand out a job."""
@@ -117,10 +121,12 @@ class _Worker:
 
     def _listen(self) -> None:
         assert self.process.stdout is not None
-        with self.process.stdout as lines:
-            for line in lines:
-                self._events.put((self, json.loads(line)))
-        self._events.put((self, None))
+        try:
+            with self.process.stdout as lines:
+                for line in lines:
+                    self._events.put((self, json.loads(line)))
+        finally:
+            self._events.put((self, None))
 
 
 # What workers tell, each line with the worker that it came from; None when its process has ended.
@@ -162,6 +168,7 @@ class WorkerPool:
         self._count = workers
         self._events: _Events = queue.Queue()
         self._workers: list[_Worker] = []
+        self._reaper = Reaper()
 
     def __enter__(self) -> Self:
         return self
@@ -170,6 +177,7 @@ class WorkerPool:
         for worker in self._workers:
             worker.stop()
         self._workers.clear()
+        self._reaper.close()
 
     def run(self, jobs: Sequence[Job]) -> Generator[tuple[Job, Outcome], None, None]:
         """Yield each job with its outcome, in the order in which they end.
@@ -214,7 +222,7 @@ class WorkerPool:
                 worker.give(waiting.popleft())
 
     def _start(self) -> None:
-        self._workers.append(_Worker(self._settings, self._module, self._events))
+        self._workers.append(_Worker(self._settings, self._module, self._events, self._reaper.group()))
 
     def _end_overdue(self) -> None:
         """End workers whose planner does not come back to say itself that it took too long."""

@@ -19,7 +19,6 @@ wins.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import resources
@@ -31,6 +30,7 @@ from pydantic import Field, ValidationError
 
 from common.config.load import resolve
 from common.config.schema import Section
+from common.documents import DocumentError, parse_toml
 from common.errors import ConfigError, MapError
 
 FILE_NAME: Final = "worlds.toml"
@@ -167,8 +167,8 @@ def _presets() -> Traversable:
 
 def _parse(name: str, text: str) -> Recommendation:
     try:
-        tree = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        tree = parse_toml(text)
+    except DocumentError as error:
         raise MapError(f"{name}: expected settings of worlds in TOML, it is none ({error}): correct it") from None
     worlds = tree.pop("worlds", {})
     tables = [*tree.values(), worlds, *(worlds.values() if isinstance(worlds, dict) else ())]

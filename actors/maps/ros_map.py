@@ -36,6 +36,7 @@ FREE_UP_TO: Final = 25
 UNKNOWN: Final = -1
 OCCUPIED: Final = 100
 LARGEST_FILE: Final = 65_536
+LARGEST_NESTING: Final = 200
 """Bytes; a map's YAML has some two hundred."""
 _SAVED_UNKNOWN = 205
 _LOSSY_TOLERANCE = 4
@@ -210,6 +211,11 @@ def _read(path: Path) -> dict[Any, Any]:
         if size > LARGEST_FILE:
             raise MapError(f"{path}: expected the YAML file of a ROS map, got {size:,} bytes: name another file")
         data = path.read_bytes()
+        if data.count(b"[") + data.count(b"{") > LARGEST_NESTING:
+            # The parser takes seconds to find that out.
+            raise MapError(
+                f"{path}: expected the YAML file of a ROS map, got something else (lists without end): name another"
+            )
     except FileNotFoundError:
         raise MapError(f"{path}: there is no such file: check the path") from None
     except OSError as error:

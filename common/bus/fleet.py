@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,7 +12,7 @@ import zenoh
 
 from common.bus.keys import ALL_BRIDGES, Keys, process_of, run_of
 from common.bus.query import RETRY_SECONDS, ask
-from common.errors import MessageError
+from common.errors import BusError, MessageError
 from common.messages.replies import ControlReply, ControlRequest
 from common.messages.schema import decode, encode
 
@@ -45,7 +46,8 @@ def bridges_at(session: zenoh.Session, name: str | None = None, timeout: float =
     for reply in session.liveliness().get(selector, timeout=timeout):
         if reply.ok is not None:
             key = str(reply.ok.key_expr)
-            found.add((run_of(key), process_of(key)[1]))
+            with contextlib.suppress(BusError):  # no bridge has such a name
+                found.add((run_of(key), process_of(key)[1]))
     return frozenset(found)
 
 

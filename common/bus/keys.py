@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -91,14 +93,29 @@ def last_part(key: str) -> str:
 
 
 def run_of(key: str) -> str:
-    """Return the name of the run, or of the robot, that a key belongs to."""
-    return key.split("/", 2)[1]
+    """Return the name of the run, or of the robot, that a key belongs to; raise BusError when it is none."""
+    return _checked(key.split("/", 2)[1], "the name of a run")
 
 
 def process_of(key: str) -> tuple[str, str]:
-    """Return (role, name) of a key of presence or statistics."""
+    """Return (role, name) of a key of presence or statistics.
+
+    Raises:
+        BusError: the role or the name is none: anybody may declare such a key where nobody checks certificates.
+    """
     _, role, name = key.rsplit("/", 2)
-    return role, name
+    return _role(role), _checked(name, f"the name of a process ({role})")
+
+
+def host_of(actor: str, certified: Collection[str] = ()) -> str:
+    """Return the host of an actor: the certificate that covers its name, else its name without the number behind it.
+
+    The certificate ``desk`` covers ``desk`` and ``desk-...``.
+    """
+    for name in certified:
+        if actor == name or actor.startswith(f"{name}-"):
+            return name
+    return re.sub(r"(-eval)?-[0-9]+$", "", actor)
 
 
 def _checked(value: str, what: str) -> str:

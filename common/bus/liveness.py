@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 from collections.abc import Callable
@@ -10,11 +11,15 @@ import zenoh
 
 from common.bus.keys import Keys, Role, process_of
 from common.closing import Closing
+from common.errors import BusError
+from common.threads import guarded
 
 log = logging.getLogger(__name__)
 
 Process = tuple[str, str]
 """(role, name) of a process."""
+MAX_PRESENT = 20_000
+"""Processes that a watcher knows at most: twice as many as a learner takes."""
 
 
 def declare_presence(session: zenoh.Session, run: str, role: Role, name: str) -> zenoh.LivelinessToken:
@@ -31,7 +36,8 @@ def present(session: zenoh.Session, run: str, timeout: float = 1.0) -> frozenset
     found = set()
     for reply in session.liveliness().get(Keys(run).all_live, timeout=timeout):
         if reply.ok is not None:
-            found.add(process_of(str(reply.ok.key_expr)))
+            with contextlib.suppress(BusError):  # no process of ours has such a name
+                found.add(process_of(str(reply.ok.key_expr)))
     return frozenset(found)
 
 
@@ -54,10 +60,13 @@ class PresenceWatcher(Closing):
         self, session: zenoh.Session, run: str, on_change: Callable[[Process, bool], None] | None = None
     ) -> None:
         self._present: set[Process] = set()
+        self._full = False
         self._changed = threading.Condition()
         self._on_change = on_change
         self._subscriber = session.liveliness().declare_subscriber(
-            Keys(run).all_live, zenoh.handlers.Callback(self._heard, indirect=False), history=True
+            Keys(run).all_live,
+            zenoh.handlers.Callback(guarded("watching presence", self._heard), indirect=False),
+            history=True,
         )
 
     def present(self) -> frozenset[Process]:
@@ -79,10 +88,19 @@ class PresenceWatcher(Closing):
         self._subscriber.undeclare()
 
     def _heard(self, sample: zenoh.Sample) -> None:
-        process = process_of(str(sample.key_expr))
+        try:
+            process = process_of(str(sample.key_expr))
+        except BusError as error:
+            log.debug("ignored the presence of a stranger: %s", error)
+            return
         appeared = sample.kind == zenoh.SampleKind.PUT
         with self._changed:
             if appeared == (process in self._present):
+                return
+            if appeared and len(self._present) >= MAX_PRESENT:
+                if not self._full:
+                    self._full = True
+                    log.warning("%d processes are present, and further ones are not shown", MAX_PRESENT)
                 return
             if appeared:
                 self._present.add(process)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
 from collections.abc import Callable
@@ -11,8 +10,7 @@ from queue import Empty, SimpleQueue
 import zenoh
 
 from common.closing import Closing
-
-log = logging.getLogger(__name__)
+from common.threads import Complaints, guarded
 
 RETRY_SECONDS = 0.2
 """Pause before a question is asked again that nobody answered."""
@@ -42,7 +40,7 @@ class QueryServer(Closing):
         max_waiting: int = 4096,
         max_bytes: int = 1 << 28,
     ) -> None:
-        self._key = key
+        self._complaints = Complaints(f"answering a query on {key}")
         self._answer = answer
         self._waiting: SimpleQueue[tuple[zenoh.Query, int] | None] = SimpleQueue()
         self._max_waiting = max_waiting
@@ -58,7 +56,9 @@ class QueryServer(Closing):
         for thread in self._threads:
             thread.start()
         self._queryable = session.declare_queryable(
-            key, zenoh.handlers.Callback(self._arrived, indirect=False), complete=True
+            key,
+            zenoh.handlers.Callback(guarded(f"taking queries on {key}", self._arrived), indirect=False),
+            complete=True,
         )
 
     def _arrived(self, query: zenoh.Query) -> None:
@@ -78,15 +78,12 @@ class QueryServer(Closing):
         while (item := self._waiting.get()) is not None:
             query, size = item
             kept: bool | None = False
-            try:
+            with self._complaints:
                 kept = not self._closed and self._answer(query)
-            except Exception:
-                log.exception("a query on %s could not be answered", self._key)
-            finally:
-                if not kept:
-                    query.drop()
-                with self._lock:
-                    self._bytes -= size
+            if not kept:
+                query.drop()
+            with self._lock:
+                self._bytes -= size
             # Without this the last query stays alive, and unanswered in its asker's eyes, until the next one.
             del item, query
 

@@ -1,23 +1,19 @@
-"""The learner's half of delivery: check, store once, then acknowledge."""
+"""The learner's half of delivery: check, let it be stored, then acknowledge."""
 
 from __future__ import annotations
 
 import logging
-import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import zenoh
 
 from common.bus.keys import Keys, last_part
 from common.bus.query import QueryServer
-from common.bus.seen import SeenSet
 from common.closing import Closing
-from common.errors import HDError, MessageError
+from common.errors import HDError, MessageError, RefusedError
 from common.messages.experience import Delivery
 from common.messages.replies import Ack
 from common.messages.schema import MAX_DELIVERY, MAX_HOLD, decode, encode
@@ -30,22 +26,21 @@ _MAX_SENDERS = 1_000
 
 
 class ExperienceServer(Closing):
-    """Receives deliveries; each is stored exactly once, before it is acknowledged.
+    """Receives deliveries, checks them, and acknowledges each after it is stored.
 
     Usage::
 
-        with ExperienceServer(session, "run", incarnation, replay.add):
+        with ExperienceServer(session, "run", incarnation, ingest.store):
             ...
 
     Args:
         session: the learner's session.
         run: name of the run.
         learner: incarnation of this learner.
-        store: takes a valid new delivery and returns how many seconds its actor should pause. Called from one
-            thread, one delivery at a time. When it raises, nothing is acknowledged and the actor tries again.
-        journal: takes the raw bytes of a valid new delivery just before `store`; for a log that outlives the
-            process.
-        state: of an earlier server, from its `state()`.
+        store: takes a valid delivery and the bytes that it came as, and returns how many seconds its actor should
+            pause. The same delivery may come several times, and is to be stored once. Called from one thread, one
+            delivery at a time. A RefusedError goes to the actor, which gives the delivery up; after any other error
+            nothing is acknowledged and the actor tries again.
         when_durable: calls back, from another thread, once everything stored so far has reached the disk (True) or
             been refused by it (False); messages are acknowledged after that. At once when not given.
     """
@@ -55,45 +50,20 @@ class ExperienceServer(Closing):
         session: zenoh.Session,
         run: str,
         learner: int,
-        store: Callable[[Delivery], float],
+        store: Callable[[Delivery, bytes], float],
         *,
-        journal: Callable[[bytes], None] | None = None,
-        state: dict[str, Any] | None = None,
         when_durable: Callable[[Callable[[bool], None]], None] | None = None,
     ) -> None:
         self._learner = learner
         self._when_durable = when_durable
         self._store = store
-        self._journal = journal
-        self._seen = SeenSet()
-        if state is not None:
-            self._seen.restore(state)
-        self._lock = threading.Lock()
-        self._hold = 0.0
-        self.stored = 0
-        """Deliveries stored since the start."""
-        self.duplicates = 0
-        """Deliveries that came again and were only acknowledged."""
+        self.acknowledged = 0
+        """Deliveries acknowledged since the start, repeated ones included."""
         self.invalid: Counter[str] = Counter()
         """Messages refused, by the actor whose key they came on."""
         self._warned: dict[str, float] = {}
+        self._said = -1.0
         self._server = QueryServer(session, Keys(run).all_experience, self._answer)
-
-    def state(self) -> dict[str, Any]:
-        """Return what was stored so far, ready for JSON; pass it to the next server."""
-        with self._lock:
-            return self._seen.state()
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Take over what an earlier server stored; raise CheckpointError when it is malformed."""
-        with self._lock:
-            self._seen.restore(state)
-
-    @contextmanager
-    def paused(self) -> Iterator[dict[str, Any]]:
-        """Keep deliveries waiting while a consistent snapshot is made; gives the `state()` of that moment."""
-        with self._lock:
-            yield self._seen.state()
 
     def close(self) -> None:
         """Stop receiving; actors keep what is not acknowledged. Safe to call twice."""
@@ -107,10 +77,10 @@ class ExperienceServer(Closing):
             delivery = decode(data, Delivery)
             if delivery.actor != sender:
                 raise MessageError("delivery.actor", f"must be {sender!r}, as in the key, got {delivery.actor!r}")
-        except MessageError as error:
+            ack = self._take(delivery, data)
+        except (MessageError, RefusedError) as error:
             self._refuse(query, sender, error)
             return False
-        ack = self._take(delivery, data)
         if self._when_durable is None or not ack.stored:
             query.reply(query.key_expr, encode(ack))
             return False
@@ -124,32 +94,28 @@ class ExperienceServer(Closing):
             query.reply(query.key_expr, encode(ack))
 
     def _take(self, delivery: Delivery, data: bytes) -> Ack:
-        with self._lock:
-            if (delivery.actor, delivery.incarnation, delivery.sequence) in self._seen:
-                self.duplicates += 1
-                return Ack(delivery.sequence, True, self._hold, "", self._learner)
-            try:
-                if self._journal is not None:
-                    self._journal(data)
-                self._hold = min(max(float(self._store(delivery)), 0.0), MAX_HOLD)
-            except HDError as error:
-                # Whoever stores says once what is wrong; a full disk would fill the log too.
-                log.debug("message %d of %s is not stored: %s", delivery.sequence, delivery.actor, error)
-                return Ack(delivery.sequence, False, STORE_FAILED_HOLD, "", self._learner)
-            except Exception:
-                log.exception("message %d of %s could not be stored", delivery.sequence, delivery.actor)
-                return Ack(delivery.sequence, False, STORE_FAILED_HOLD, "", self._learner)
-            self._seen.add(delivery.actor, delivery.incarnation, delivery.sequence)
-            self.stored += 1
-            return Ack(delivery.sequence, True, self._hold, "", self._learner)
+        try:
+            hold = min(max(float(self._store(delivery, data)), 0.0), MAX_HOLD)
+        except RefusedError:
+            raise
+        except HDError as error:
+            # Whoever stores says once what is wrong; a full disk would fill the log too.
+            log.debug("message %d of %s is not stored: %s", delivery.sequence, delivery.actor, error)
+            return Ack(delivery.sequence, False, STORE_FAILED_HOLD, "", self._learner)
+        except Exception:
+            log.exception("message %d of %s could not be stored", delivery.sequence, delivery.actor)
+            return Ack(delivery.sequence, False, STORE_FAILED_HOLD, "", self._learner)
+        self.acknowledged += 1
+        return Ack(delivery.sequence, True, hold, "", self._learner)
 
-    def _refuse(self, query: zenoh.Query, sender: str, error: MessageError) -> None:
+    def _refuse(self, query: zenoh.Query, sender: str, error: HDError) -> None:
         # A hostile peer can invent names: beyond the first thousand they share one counter.
         name = sender if sender in self.invalid or len(self.invalid) < _MAX_SENDERS else "(others)"
         self.invalid[name] += 1
         now = time.monotonic()
-        if now - self._warned.get(name, -1.0) >= 1.0:
-            self._warned[name] = now
+        # Once a second for each name, and a few lines a second for all of them.
+        if now - self._warned.get(name, -1.0) >= 1.0 and now - self._said >= 0.1:
+            self._warned[name] = self._said = now
             log.warning("refused a message of %s (%d so far): %s", name, self.invalid[name], error)
         query.reply_err(encode(Ack(-1, False, 0.0, str(error)[:1000], self._learner)))
 

@@ -21,6 +21,7 @@ from common.errors import MessageError
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.messages.replies import Ack
 from common.messages.schema import decode, encode
+from common.threads import Complaints, guarded
 
 log = logging.getLogger(__name__)
 
@@ -91,10 +92,11 @@ class ExperienceSender(Closing):
         self._hold_until = 0.0
         self._learner = -1
         self._full = False
+        self._refusal_said = float("-inf")
         self.acknowledged = 0
         """Messages that the learner has stored."""
         self.refused = 0
-        """Messages that the learner refused for good; each is logged with the reason."""
+        """Messages that the learner refused for good; the log has the reason, once a second at most."""
         self._thread = threading.Thread(target=self._work, name=f"deliver {actor}", daemon=True)
         self._thread.start()
 
@@ -159,16 +161,18 @@ class ExperienceSender(Closing):
             log.warning("closed with %d messages that the learner did not acknowledge", len(self._parcels))
 
     def _work(self) -> None:
-        try:
-            while not self._closed:
+        # This thread alone delivers: only the end of its session may end it.
+        complaints = Complaints(f"delivery of {self.actor}", self._session.is_closed)
+        while not self._closed:
+            with complaints:
                 self._wait_for_events()
                 self._send_what_is_due()
-        except zenoh.ZError as error:
-            if not self._session.is_closed():
-                log.error("delivery stopped: %s", error)
-            with self._changed:
-                self._closed = True
-                self._changed.notify_all()
+                continue
+            if self._session.is_closed():
+                with self._changed:
+                    self._closed = True
+                    self._changed.notify_all()
+            time.sleep(RETRY_SECONDS)
 
     def _wait_for_events(self) -> None:
         """Wait for the next event or due time, then handle all events that are there."""
@@ -211,8 +215,8 @@ class ExperienceSender(Closing):
             self._session.get(
                 self._key,
                 zenoh.handlers.Callback(
-                    partial(self._on_reply, sequence, parcel.attempt),
-                    partial(self._on_end, sequence, parcel.attempt),
+                    guarded("hearing an answer", partial(self._on_reply, sequence, parcel.attempt)),
+                    guarded("hearing the end of a query", partial(self._on_end, sequence, parcel.attempt)),
                     indirect=False,
                 ),
                 payload=parcel.data,
@@ -244,6 +248,10 @@ class ExperienceSender(Closing):
         self._heard(ack)
         if parcel is None:
             return
+        if ack.stored and ack.sequence != sequence:
+            log.warning("message %d came back acknowledged as %d: sending it again", sequence, ack.sequence)
+            self._unanswered(sequence, parcel)
+            return
         if ack.stored or ack.error:
             self._done(sequence, ack)
         else:
@@ -265,7 +273,10 @@ class ExperienceSender(Closing):
             log.debug("message %d of incarnation %d is acknowledged", sequence, self.incarnation)
         else:
             self.refused += 1
-            log.error("the learner refused message %d: %s", sequence, ack.error)
+            now = time.monotonic()
+            if now - self._refusal_said >= 1.0:
+                self._refusal_said = now
+                log.error("the learner refused message %d (%d so far): %s", sequence, self.refused, ack.error)
         with self._changed:
             del self._parcels[sequence]
             # One line per stall, not one per message: the line is due again once half of the buffer is free.

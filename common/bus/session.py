@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import secrets
+import socket
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import zenoh
 
 from common.bus.endpoint import is_loopback
+from common.bus.gate import LISTENERS, Gate
 from common.bus.tls import access_settings, tls_settings
 from common.config.schema import BusConfig
 from common.errors import BusError
 from common.messages.schema import MAX_WEIGHTS
+from common.runtime import allow_files
 
 log = logging.getLogger(__name__)
 
 PROTOCOLS = ("tcp", "tls", "unixsock-stream")
+MAX_SESSIONS = 10_000
+"""Processes that the learner's router takes; Zenoh's own default is 1,000."""
+MAX_PENDING = 4_000
+"""Connections that may be about to become sessions."""
+ACCEPT_SECONDS = 3.0
+"""For them to do so."""
+MAX_FILES = 65_536
 
 
 def new_incarnation() -> int:
@@ -27,8 +38,11 @@ def new_incarnation() -> int:
     return secrets.randbits(63)
 
 
-def open_learner_session(config: BusConfig) -> zenoh.Session:
+@contextlib.contextmanager
+def open_learner_session(config: BusConfig) -> Iterator[zenoh.Session]:
     """Open the learner's session: a router that listens, and joins existing routers if told to.
+
+    With TLS a `Gate` holds the port, and the router listens behind it on loopback.
 
     Usage::
 
@@ -42,20 +56,54 @@ def open_learner_session(config: BusConfig) -> zenoh.Session:
         BusError: when an endpoint is malformed or taken, or a file is missing.
     """
     listen = _endpoint(config.listen, config)
-    settings = _settings(config, "router", [listen], config.connect)
+    guarded = listen.startswith("tls/")
+    behind = free_ports(LISTENERS) if guarded else []
+    endpoints = [f"tls/127.0.0.1:{port}" for port in behind] or [listen]
+    settings = _settings(config, "router", endpoints, config.connect)
+    settings["transport"]["unicast"] = {
+        "max_sessions": MAX_SESSIONS,
+        # Connections that say nothing: with Zenoh's defaults a hundred of them shut everybody out for ten seconds.
+        "accept_pending": MAX_PENDING,
+        "accept_timeout": int(ACCEPT_SECONDS * 1000),
+    }
+    allow_files(MAX_FILES)
     if config.tls_access is not None:
         settings["access_control"] = access_settings(config)
+    with contextlib.ExitStack() as stack:
+        try:
+            if guarded:
+                host, _, port = listen.removeprefix("tls/").rpartition(":")
+                stack.enter_context(Gate(host.strip("[]"), int(port), behind))
+            session = zenoh.open(_zenoh_config(settings))
+            stack.callback(_close, session)
+        except (OSError, zenoh.ZError) as error:
+            raise BusError(_why_not_listening(listen, str(error))) from None
+        _warn_of_strangers(listen, config)
+        yield session
+
+
+def _close(session: zenoh.Session) -> None:
     try:
-        session = zenoh.open(_zenoh_config(settings))
+        session.close()
     except zenoh.ZError as error:
-        raise BusError(_why_not_listening(listen, str(error))) from None
+        # Thousands of connections that say nothing take longer than Zenoh waits; they end with the process.
+        log.warning("the bus was not closed in order: %s", error)
+
+
+def free_ports(count: int) -> list[int]:
+    """Return so many ports of loopback that nobody listens on at the moment."""
+    with contextlib.ExitStack() as stack:
+        probes = [stack.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(count)]
+        return [probe.getsockname()[1] for probe in probes]
+
+
+def _warn_of_strangers(listen: str, config: BusConfig) -> None:
     if not is_loopback(listen) and config.tls_ca is None:
         log.warning(
             "listening on %s without TLS: everybody who reaches this address can send experience and commands; "
             "make certificates with 'hd-learner certificates', or listen on 127.0.0.1",
             listen,
         )
-    return session
 
 
 def wait_for_routers(session: zenoh.Session, timeout: float) -> bool:

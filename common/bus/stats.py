@@ -12,9 +12,10 @@ import zenoh
 from common.bus.keys import Keys, Role, process_of
 from common.bus.liveness import Process
 from common.closing import Closing
-from common.errors import MessageError
+from common.errors import BusError, MessageError
 from common.messages.schema import MAX_SMALL, decode, encode
 from common.messages.stats import ActorStats, LearnerStats
+from common.threads import guarded
 
 log = logging.getLogger(__name__)
 
@@ -48,7 +49,7 @@ class StatsTable(Closing):
         self.invalid = 0
         """Messages that were refused."""
         self._subscriber = session.declare_subscriber(
-            Keys(run).all_stats, zenoh.handlers.Callback(self._heard, indirect=False)
+            Keys(run).all_stats, zenoh.handlers.Callback(guarded("reading statistics", self._heard), indirect=False)
         )
 
     def rows(self) -> dict[Process, tuple[Stats, float]]:
@@ -67,19 +68,28 @@ class StatsTable(Closing):
         self._subscriber.undeclare()
 
     def _heard(self, sample: zenoh.Sample) -> None:
-        process = process_of(str(sample.key_expr))
+        key = str(sample.key_expr)
         try:
+            role, name = process_of(key)
             if len(sample.payload) > MAX_SMALL:
                 raise MessageError("stats", f"must have at most {MAX_SMALL} bytes, got {len(sample.payload)}")
-            stats = decode(sample.payload.to_bytes(), ActorStats, LearnerStats)
-            if isinstance(stats, ActorStats) and stats.actor != process[1]:
-                raise MessageError("actor_stats.actor", f"must be {process[1]!r}, as in the key, got {stats.actor!r}")
-        except MessageError as error:
+            stats = _of_role(sample.payload.to_bytes(), role, name)
+        except (BusError, MessageError) as error:
             self.invalid += 1
-            log.debug("refused statistics of %s %s: %s", *process, error)
+            log.debug("refused statistics on %s: %s", key, error)
             return
         with self._lock:
-            self._rows[process] = (stats, time.monotonic())
-            self._rows.move_to_end(process)
+            self._rows[role, name] = (stats, time.monotonic())
+            self._rows.move_to_end((role, name))
             if len(self._rows) > _MAX_PROCESSES:
                 self._rows.popitem(last=False)
+
+
+def _of_role(data: bytes, role: str, name: str) -> Stats:
+    """Read the statistics that a process of this role and name may send."""
+    if role == "learner":
+        return decode(data, LearnerStats)
+    stats = decode(data, ActorStats)
+    if stats.actor != name:
+        raise MessageError("actor_stats.actor", f"must be {name!r}, as in the key, got {stats.actor!r}")
+    return stats

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, Protocol
 
+from common.documents import DocumentError, read_json
 from common.errors import BusError
 
 
@@ -64,9 +64,28 @@ def access_settings(config: HasTls) -> dict[str, Any]:
     if config.tls_ca is None:
         raise BusError("tls_access needs tls_ca, tls_certificate and tls_key: without TLS nobody has a name to check")
     try:
-        rules = json.loads(Path(str(config.tls_access)).read_text("utf-8"))
-    except (OSError, ValueError) as error:
+        rules = read_json(Path(str(config.tls_access)))
+    except (OSError, DocumentError) as error:
         raise BusError(f"tls_access: cannot read {config.tls_access!r} as JSON: {error}") from None
     if not isinstance(rules, dict):
         raise BusError(f"tls_access: {config.tls_access!r} must hold a JSON object of access rules")
     return rules
+
+
+def certified_hosts(config: HasTls) -> tuple[str, ...]:
+    """Return the names of the certificates that the access rules speak of; none without access rules.
+
+    Raises:
+        BusError: the file of access rules cannot be read.
+    """
+    if config.tls_access is None:
+        return ()
+    subjects = access_settings(config).get("subjects")
+    if not isinstance(subjects, list):
+        return ()
+    return tuple(
+        str(name)
+        for subject in subjects
+        if isinstance(subject, dict)
+        for name in subject.get("cert_common_names") or ()
+    )

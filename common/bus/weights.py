@@ -16,6 +16,7 @@ from common.closing import Closing
 from common.errors import MessageError
 from common.messages.schema import MAX_WEIGHTS, decode, encode
 from common.messages.weights import Weights, WeightsNotice
+from common.threads import Complaints, guarded
 
 log = logging.getLogger(__name__)
 
@@ -114,10 +115,12 @@ class WeightsPuller(Closing):
         self._thread = threading.Thread(target=self._work, name=f"weights of {run}", daemon=True)
         self._subscribers = [
             session.declare_subscriber(
-                self._keys.weights_notice, zenoh.handlers.Callback(self._calls.put, indirect=False)
+                self._keys.weights_notice,
+                zenoh.handlers.Callback(guarded("hearing of weights", self._calls.put), indirect=False),
             ),
             session.liveliness().declare_subscriber(
-                self._keys.live("learner", "learner"), zenoh.handlers.Callback(self._learner_seen, indirect=False)
+                self._keys.live("learner", "learner"),
+                zenoh.handlers.Callback(guarded("watching the learner", self._learner_seen), indirect=False),
             ),
         ]
         self._thread.start()
@@ -153,14 +156,16 @@ class WeightsPuller(Closing):
             self._calls.put(None)
 
     def _work(self) -> None:
+        # This thread is the only one that ever brings weights: nothing that comes may end it.
+        complaints = Complaints("asking for weights", lambda: self._closed or self._session.is_closed())
         while not self._closed:
-            try:
+            with complaints:
                 self._pull()
-            except zenoh.ZError as error:
-                if self._closed or self._session.is_closed():
-                    return
-                log.error("cannot ask for weights, trying again: %s", error)
-            self._wait_for_call()
+                self._wait_for_call()
+                continue
+            if self._session.is_closed():
+                return
+            time.sleep(_RETRY_SECONDS)
 
     def _wait_for_call(self) -> None:
         """Wait until a pull is due: a learner appeared, a notice of something new came, or the timer ran out."""
@@ -193,10 +198,6 @@ class WeightsPuller(Closing):
             except MessageError as error:
                 self.refused += 1
                 log.warning("refused weights, keeping version %s: %s", have and have.version, error)
-            except Exception:
-                # This thread is the only one that ever brings weights: one bad reply must not end it.
-                self.refused += 1
-                log.exception("weights could not be read, keeping version %s", have and have.version)
 
     def _consider(self, payload: zenoh.ZBytes) -> None:
         if len(payload) > MAX_WEIGHTS:

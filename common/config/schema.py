@@ -398,6 +398,10 @@ class LearnerConfig(Section):
     """Updates between two published policy versions."""
     average_decay: Fraction = 0.99
     """Moving average of the policy's weights that evaluation and export use; 0 switches it off."""
+    evaluators: tuple[str, ...] = ()
+    """Hosts whose evaluators choose the best policy, besides those that the learner starts itself: the names of their
+    certificates, or what stands before the number in the names of their actors. Where none is named and there is no
+    `bus.tls_access`, every evaluator counts."""
 
 
 class CheckpointConfig(Section):

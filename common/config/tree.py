@@ -7,7 +7,6 @@ known one.
 from __future__ import annotations
 
 import difflib
-import json
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from typing import Any, Generic, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
+from common.documents import DocumentError, parse_json, parse_toml, read_text
 from common.errors import ConfigError, HDError
 from common.registry import NamedPart
 
@@ -211,13 +211,12 @@ def _leaves(model: type[BaseModel], prefix: str) -> Iterator[tuple[str, FieldInf
 
 def _read_file(file: Path) -> dict[str, Any]:
     try:
-        text = file.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text(file)
+        tree = parse_json(text) if file.suffix == ".json" else parse_toml(text)
+    except OSError as error:
         raise ConfigError(f"cannot read the configuration file {file}: {error}") from None
-    try:
-        tree = json.loads(text) if file.suffix == ".json" else tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, json.JSONDecodeError) as error:
-        raise ConfigError(f"{file} is not valid {'JSON' if file.suffix == '.json' else 'TOML'}: {error}") from None
+    except DocumentError as error:
+        raise ConfigError(f"the configuration file {file} {error}") from None
     if not isinstance(tree, dict):
         raise ConfigError(f"{file} must hold a table of settings, got a {type(tree).__name__}")
     return tree
@@ -232,13 +231,13 @@ def _parse(raw: str, field: FieldInfo) -> Any:
         if not raw.startswith("["):
             return [part.strip() for part in raw.split(",") if part.strip()]
         try:
-            return json.loads(raw)
-        except json.JSONDecodeError:
+            return parse_json(raw)
+        except DocumentError:
             return raw
     if kinds & {int, float, bool} or any(get_origin(kind) is not None for kind in kinds):
         try:
-            return json.loads(raw)
-        except json.JSONDecodeError:
+            return parse_json(raw)
+        except DocumentError:
             return raw
     choices = get_args(field.annotation)
     if choices and all(isinstance(choice, int) for choice in choices) and raw.isdigit():

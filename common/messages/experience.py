@@ -13,6 +13,9 @@ from common.observation import ObservationBatch
 FAILURE = 2.0
 """Where distances are compared, a failed episode counts so many times its own."""
 
+MIN_PROBABILITY = 1e-12
+"""Probability below which a drawn waypoint counts as drawn by nobody: what divides by it would overflow."""
+
 
 class End(IntEnum):
     """How an episode ended; only a terminal end cuts the bootstrap."""
@@ -98,7 +101,7 @@ class Chunk:
         rewards: float32, shape (k,).
         versions: policy version that chose, int64, shape (k,).
         probabilities: π(a) = Σ_b π_b π_a(a | b) of each chosen waypoint under the policy that drew it, float32,
-            shape (k,); 0 where no policy drew, as on the steps of an expert.
+            shape (k,); 0 where no policy drew, as on the steps of an expert, else at least `MIN_PROBABILITY`.
         labels: the expert's labels, or None.
         end: how the episode ended.
         family: number of the family of worlds that the episode's world is of, 0 to 255.

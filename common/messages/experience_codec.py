@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.messages.experience import Chunk, Delivery, End, EpisodeReport, ExpertLabels
-from common.messages.fields import Fields
+from common.messages.experience import MIN_PROBABILITY, Chunk, Delivery, End, EpisodeReport, ExpertLabels
+from common.messages.fields import MAX_SAFE_INTEGER, Fields
 from common.messages.validation import check_choices, check_observations
 from common.observation import ObservationBatch
 
@@ -16,8 +16,17 @@ MAX_INCARNATION = 2**63 - 1
 MAX_STEPS = 256
 MAX_EPISODE_STEPS = 1_000_000
 MAX_FAMILY = 255
-MAX_REMAINING = 1e6
+# Far beyond every world and every setting, and so small that no sum or square of an update overflows float32.
+MAX_REWARD = 1e6
+MAX_METRES = 1e6
 MAX_UNSEEN = 1e9
+# The sums over an episode of the longest kind.
+MAX_DISTANCE = 1e7
+MAX_EPISODE_REWARD = 1e9
+MAX_COLLISIONS = 10**9
+MAX_DURATION = 1e7
+# What divides: a ratio to less than this means nothing, and may overflow.
+MIN_CLASSICAL_DISTANCE = 1e-3
 _COLUMNS = tuple(ObservationBatch.__dataclass_fields__)
 _LABELS = tuple(ExpertLabels.__dataclass_fields__)
 
@@ -72,15 +81,18 @@ def _read_chunk(fields: Fields) -> Chunk:
     k = len(rewards)
     if not 1 <= k <= MAX_STEPS:
         fields.fail("rewards", f"must have 1 to {MAX_STEPS} steps, got {k}")
-    if not np.isfinite(rewards).all():
-        fields.fail("rewards", "must be finite")
+    _check_range(fields, "rewards", rewards, MAX_REWARD, -MAX_REWARD)
     beacons = fields.array("beacons", np.int32, (k,))
     waypoints = fields.array("waypoints", np.int32, (k,))
     versions = fields.array("versions", np.int64, (k,))
-    if versions.min() < -1:
-        fields.fail("versions", f"must be at least -1, got {int(versions.min())}")
+    if versions.min() < -1 or versions.max() > MAX_SAFE_INTEGER:
+        fields.fail(
+            "versions", f"must be from -1 to {MAX_SAFE_INTEGER}, got {int(versions.min())} to {int(versions.max())}"
+        )
     probabilities = fields.array("probabilities", np.float32, (k,))
     _check_range(fields, "probabilities", probabilities, 1.0)
+    if ((probabilities > 0.0) & (probabilities < MIN_PROBABILITY)).any():
+        fields.fail("probabilities", f"must be 0 where no policy drew, and at least {MIN_PROBABILITY:g} elsewhere")
     columns = fields.fields("observations")
     observations = _read_observations(columns, k + (end is not End.NONE))
     inner = fields.optional_fields("labels")
@@ -127,25 +139,25 @@ def _read_observations(fields: Fields, k: int) -> ObservationBatch:
 
 
 def _read_labels(fields: Fields, k: int) -> ExpertLabels:
-    cost = fields.array("cost", np.float32, (None,))
-    if len(cost) and not (np.isfinite(cost).all() and cost.min() >= 0):
-        fields.fail("cost", "must be finite and at least 0")
     labels = ExpertLabels(
-        cost=cost,
+        cost=fields.array("cost", np.float32, (None,)),
         beacon=fields.array("beacon", np.int32, (k,)),
         remaining=fields.array("remaining", np.float32, (k,)),
         unseen=fields.array("unseen", np.float32, (k,)),
     )
-    _check_range(fields, "remaining", labels.remaining, MAX_REMAINING)
+    _check_range(fields, "cost", labels.cost, MAX_METRES)
+    _check_range(fields, "remaining", labels.remaining, MAX_METRES)
     _check_range(fields, "unseen", labels.unseen, MAX_UNSEEN)
     fields.finish()
     return labels
 
 
-def _check_range(fields: Fields, name: str, values: NDArray[np.float32], largest: float) -> None:
-    """Raise MessageError unless all numbers are from 0 to ``largest``; NaN is not."""
-    if not ((values >= 0.0) & (values <= largest)).all():
-        fields.fail(name, f"must be from 0 to {largest:g}")
+def _check_range(fields: Fields, name: str, values: NDArray[np.float32], largest: float, smallest: float = 0.0) -> None:
+    """Raise MessageError unless all numbers are from ``smallest`` to ``largest``; NaN is not."""
+    wrong = ~((values >= smallest) & (values <= largest))
+    if wrong.any():
+        place = int(wrong.argmax())
+        fields.fail(name, f"must be from {smallest:g} to {largest:g}, got {float(values[place]):g} at place {place}")
 
 
 def _report_fields(report: EpisodeReport) -> dict[str, Any]:
@@ -170,7 +182,7 @@ def _report_fields(report: EpisodeReport) -> dict[str, Any]:
 
 
 def _read_report(fields: Fields) -> EpisodeReport:
-    return EpisodeReport(
+    report = EpisodeReport(
         task=fields.identifier("task"),
         map_name=fields.text("map_name"),
         simulator=fields.text("simulator", 64),
@@ -178,12 +190,15 @@ def _read_report(fields: Fields) -> EpisodeReport:
         driver=fields.text("driver", 64),
         version=fields.integer("version", -1),
         steps=fields.integer("steps", 0, MAX_EPISODE_STEPS),
-        distance=fields.number("distance", 0.0, 1e9),
+        distance=fields.number("distance", 0.0, MAX_DISTANCE),
         success=fields.flag("success"),
         explored=fields.number("explored", 0.0, 1.0),
-        reward=fields.number("reward"),
-        collisions=fields.integer("collisions"),
-        duration=fields.number("duration", 0.0, 1e9),
+        reward=fields.number("reward", -MAX_EPISODE_REWARD, MAX_EPISODE_REWARD),
+        collisions=fields.integer("collisions", 0, MAX_COLLISIONS),
+        duration=fields.number("duration", 0.0, MAX_DURATION),
         family=fields.identifier("family"),
-        classical_distance=fields.number("classical_distance", 0.0, 1e9),
+        classical_distance=fields.number("classical_distance", 0.0, MAX_DISTANCE),
     )
+    if 0.0 < report.classical_distance < MIN_CLASSICAL_DISTANCE:
+        fields.fail("classical_distance", f"must be 0 where none was asked, else at least {MIN_CLASSICAL_DISTANCE:g}")
+    return report

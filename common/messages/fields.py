@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import Any, NoReturn
 
@@ -10,8 +9,10 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
+from common.documents import DocumentError, parse_json
 from common.errors import MessageError
 from common.ids import ID_PATTERN
+from common.printable import is_printable, printable
 
 MAX_SAFE_INTEGER = 2**53 - 1
 """Largest counter on the wire: every language's floating numbers hold it exactly."""
@@ -68,7 +69,17 @@ class Fields:
         return value
 
     def text(self, name: str, longest: int = 256) -> str:
-        """Return text of at most ``longest`` characters."""
+        """Return one line of text of at most ``longest`` characters, all of them safe on a terminal."""
+        value = self._text(name, longest)
+        if not is_printable(value):
+            self.fail(name, f"must be one line without control characters, got {_show(value)}")
+        return value
+
+    def prose(self, name: str, longest: int) -> str:
+        """Return text of at most ``longest`` characters, made safe for a terminal."""
+        return printable(self._text(name, longest))[:longest]
+
+    def _text(self, name: str, longest: int) -> str:
         value = self._take(name)
         if type(value) is not str or len(value) > longest:
             self.fail(name, f"must be text of at most {longest} characters, got {_show(value)}")
@@ -96,12 +107,20 @@ class Fields:
         return value
 
     def document(self, name: str, longest: int = 1 << 18) -> dict[str, Any]:
-        """Return a JSON object that travels as text."""
-        text = self.text(name, longest)
+        """Return a JSON object that travels as text; all its numbers are finite."""
+        return self._parsed(name, self._text(name, longest))
+
+    def json_text(self, name: str, longest: int) -> str:
+        """Return the text of a JSON object, as it came."""
+        text = self._text(name, longest)
+        self._parsed(name, text)
+        return text
+
+    def _parsed(self, name: str, text: str) -> dict[str, Any]:
         try:
-            value = json.loads(text, parse_constant=_no_constant)
-        except (ValueError, RecursionError) as error:
-            self.fail(name, f"must be JSON text: {type(error).__name__}: {error}")
+            value = parse_json(text)
+        except DocumentError as error:
+            self.fail(name, str(error))
         if not isinstance(value, dict):
             self.fail(name, f"must be a JSON object, got {_show(value)}")
         return value
@@ -138,17 +157,13 @@ class Fields:
         return values
 
 
-def _no_constant(text: str) -> NoReturn:
-    raise ValueError(f"{text} is not JSON")
-
-
 def _show(value: object) -> str:
     """Return a value short enough for a log line."""
     if isinstance(value, np.ndarray):
         return f"an array of {value.dtype.name}"
     if isinstance(value, dict):
         return "a map"
-    text = repr(value)
+    text = printable(repr(value))
     return text if len(text) <= 60 else text[:60] + "..."
 
 

@@ -16,6 +16,7 @@ from common.messages.fields import Fields
 from common.messages.replies import ALL_VERBS, PROTOCOL_VERSION, Ack, ControlReply, ControlRequest, Spec
 from common.messages.stats import ActorStats, LearnerStats
 from common.messages.weights import FLOATS, Weights, WeightsNotice
+from common.printable import printable, printable_tree
 
 T = TypeVar("T")
 U = TypeVar("U")
@@ -24,6 +25,9 @@ MAX_SMALL = 1 << 20
 MAX_DELIVERY = 1 << 26
 MAX_WEIGHTS = 1 << 28
 MAX_HOLD = 60.0
+MAX_PID = 2**32
+MAX_RATE = 1e6
+MAX_AGE = 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +94,16 @@ def decode(data: bytes, *expected: type[Any]) -> Any:
     return message
 
 
+def describe_delivery(data: bytes) -> str:
+    """Say whose delivery some bytes are, as far as they tell, for the log: they may be no valid message."""
+    try:
+        fields = unpack(data, "delivery", MAX_DELIVERY)
+    except MessageError:
+        return "a message that is none"
+    actor, incarnation, sequence = (fields.get(name) for name in ("actor", "incarnation", "sequence"))
+    return printable(f"message {sequence!r:.30} of {actor!r:.70} (incarnation {incarnation!r:.30})")
+
+
 def _plain(message: Any) -> dict[str, Any]:
     return {field.name: getattr(message, field.name) for field in dataclasses.fields(message)}
 
@@ -99,19 +113,17 @@ def _read_ack(fields: Fields) -> Ack:
         sequence=fields.integer("sequence", -1),
         stored=fields.flag("stored"),
         hold=fields.number("hold", 0.0, MAX_HOLD),
-        error=fields.text("error", 1000),
+        error=fields.prose("error", 1000),
         learner=fields.integer("learner", 0, MAX_INCARNATION),
     )
 
 
 def _read_spec(fields: Fields) -> Spec:
-    spec = Spec(
+    return Spec(
         run=fields.identifier("run"),
         learner=fields.integer("learner", 0, MAX_INCARNATION),
-        config=fields.text("config", MAX_SMALL),
+        config=fields.json_text("config", MAX_SMALL),
     )
-    _parse_json(spec.config, f"{fields.path}.config")
-    return spec
 
 
 def _read_notice(fields: Fields) -> WeightsNotice:
@@ -152,12 +164,12 @@ def _read_actor_stats(fields: Fields) -> ActorStats:
     return ActorStats(
         actor=fields.identifier("actor"),
         host=fields.text("host"),
-        pid=fields.integer("pid"),
+        pid=fields.integer("pid", 0, MAX_PID),
         steps=fields.integer("steps"),
         episodes=fields.integer("episodes"),
-        steps_per_second=fields.number("steps_per_second", 0.0),
+        steps_per_second=fields.number("steps_per_second", 0.0, MAX_RATE),
         version=fields.integer("version", -1),
-        version_age=fields.number("version_age", 0.0),
+        version_age=fields.number("version_age", 0.0, MAX_AGE),
         buffered=fields.integer("buffered"),
         state=fields.text("state"),
     )
@@ -166,13 +178,13 @@ def _read_actor_stats(fields: Fields) -> ActorStats:
 def _read_learner_stats(fields: Fields) -> LearnerStats:
     return LearnerStats(
         host=fields.text("host"),
-        pid=fields.integer("pid"),
+        pid=fields.integer("pid", 0, MAX_PID),
         steps=fields.integer("steps"),
         episodes=fields.integer("episodes"),
         updates=fields.integer("updates"),
         version=fields.integer("version", -1),
-        steps_per_second=fields.number("steps_per_second", 0.0),
-        updates_per_second=fields.number("updates_per_second", 0.0),
+        steps_per_second=fields.number("steps_per_second", 0.0, MAX_RATE),
+        updates_per_second=fields.number("updates_per_second", 0.0, MAX_RATE),
         replay=fields.integer("replay"),
         state=fields.text("state"),
     )
@@ -191,15 +203,13 @@ def _write_reply(reply: ControlReply) -> dict[str, Any]:
 
 
 def _read_reply(fields: Fields) -> ControlReply:
-    return ControlReply(ok=fields.flag("ok"), error=fields.text("error", 1000), body=fields.document("body"))
+    # People read it in a terminal, and whoever answers may be a stranger.
+    body = printable_tree(fields.document("body"))
+    return ControlReply(ok=fields.flag("ok"), error=fields.prose("error", 1000), body=body)
 
 
 def _json(value: Mapping[str, Any]) -> str:
     return json.dumps(value, allow_nan=False)
-
-
-def _parse_json(text: str, path: str) -> None:
-    Fields({"text": text}, path).document("text", MAX_SMALL)
 
 
 _KINDS: dict[type[Any], _Kind[Any]] = {

@@ -14,6 +14,8 @@ from common.errors import MessageError
 from common.messages.codec import pack_array
 
 FLOATS = ("float16", "float32", "float64")
+MAX_WEIGHT = 65504.0
+"""Largest magnitude of a weight, that of float16: far beyond what training reaches."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,10 +81,11 @@ class Weights:
         return WeightsNotice(self.learner, self.version, self.updates, self.averaged, size, self.digest)
 
     def check(self, path: str) -> None:
-        """Raise MessageError when a tensor is not finite, or the digest is not that of the tensors."""
+        """Raise MessageError when a number is not finite or too large, or the digest is not that of the tensors."""
         for name, tensor in self.tensors.items():
-            if not np.isfinite(tensor).all():
-                raise MessageError(f"{path}.tensors.{name}", "must be finite")
+            # Written so that NaN fails.
+            if not (np.abs(tensor) <= MAX_WEIGHT).all():
+                raise MessageError(f"{path}.tensors.{name}", f"must be finite, and at most {MAX_WEIGHT:g} in magnitude")
         digest = digest_of(self.tensors)
         if digest != self.digest:
             raise MessageError(f"{path}.digest", f"must be that of the tensors, {digest}, got {self.digest}")

@@ -11,12 +11,13 @@ from typing import Any
 
 import zstandard
 from mcap.exceptions import McapError
-from mcap.records import Attachment, Channel, Message, Schema
+from mcap.records import Attachment, Channel, Chunk, Message, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader
 from pydantic import ValidationError
 from rosbags.highlevel import AnyReader, AnyReaderError
 
 from deploy.config import DeployConfig
+from deploy.recording.chunks import MAX_CHUNK, records_in
 from deploy.recording.errors import RecordingError
 from deploy.recording.writer import CONFIG_NAME, BagWriter
 from deploy.ros2.qos import RELIABLE
@@ -24,7 +25,7 @@ from deploy.ros2.qos import RELIABLE
 log = logging.getLogger(__name__)
 
 _MAGIC = b"\x89MCAP0\r\n"
-_LARGEST_RECORD = 1 << 30
+_LARGEST_RECORD = MAX_CHUNK + (1 << 20)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,10 +136,11 @@ def _records(path: Path) -> Iterator[Any]:
     with path.open("rb") as stream:
         if stream.read(len(_MAGIC)) != _MAGIC:
             raise RecordingError(f"{path} is no MCAP file: it begins with other bytes")
-        records = StreamReader(stream, skip_magic=True, validate_crcs=True, record_size_limit=_LARGEST_RECORD).records
+        records = StreamReader(stream, skip_magic=True, emit_chunks=True, record_size_limit=_LARGEST_RECORD).records
         while True:
             try:
                 record = next(records)
+                found = records_in(record, path) if isinstance(record, Chunk) else [record]
             except StopIteration:
                 return
             except (
@@ -153,7 +155,7 @@ def _records(path: Path) -> Iterator[Any]:
                 position = stream.tell()
                 log.warning("%s breaks off near byte %d, the rest is lost: %s", path, position, error or "end of file")
                 return
-            yield record
+            yield from found
 
 
 def _read_with_rosbags(path: Path) -> Iterator[Recorded]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import numpy as np
 import torch
 from numpy.typing import NDArray
 
@@ -13,11 +15,30 @@ from learner.algorithm.batch import TransitionBatch
 PolicyArrays = dict[str, NDArray[Any]]
 
 
+class NotFiniteError(Exception):
+    """Nothing can be learnt from a batch: a figure or a gradient of the update is not finite.
+
+    Attributes:
+        figures: names of what is not finite.
+        culprits: rows of the batch that cause it by themselves, int64; empty when it is not the data but the weights,
+            so that nearly every row does, or when only several rows together do.
+    """
+
+    def __init__(self, figures: Sequence[str], culprits: NDArray[np.int64]) -> None:
+        super().__init__(f"{', '.join(figures)} not finite")
+        self.figures = tuple(figures)
+        self.culprits = culprits
+
+
 class Algorithm(Protocol):
     """Networks, optimisers and the update; `learner.algorithm.factory.make_learner` makes the one of a run."""
 
     def update(self, batch: TransitionBatch) -> dict[str, float]:
-        """Learn from one batch; return losses and other figures by their TensorBoard names."""
+        """Learn from one batch; return losses and other figures by their TensorBoard names.
+
+        Raises:
+            NotFiniteError: a figure or a gradient is not finite; nothing has changed then.
+        """
         ...
 
     def adopt(self, weights: PolicyArrays) -> None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from common.messages.experience import ExpertLabels
 from common.observation import ObservationBatch
+from common.observation_index import waypoint_counts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +38,7 @@ class TransitionBatch:
             -1 and all else 0. None when no observation is labelled.
         next_labelled: an expert labelled o', bool, shape (k,).
         next_labels: the expert's labels of the o', as in `labels`; None where they were not asked for.
+        arrivals: arrival number of each o in the replay buffer, int64, shape (k,); None for a batch from elsewhere.
     """
 
     observations: ObservationBatch
@@ -53,6 +55,40 @@ class TransitionBatch:
     labels: ExpertLabels | None
     next_labelled: NDArray[np.bool_]
     next_labels: ExpertLabels | None = None
+    arrivals: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         return len(self.rewards)
+
+    def select(self, chosen: NDArray[np.bool_]) -> TransitionBatch:
+        """Return a batch of the transitions where ``chosen``, bool, shape (k,), is True, in their order."""
+        return TransitionBatch(
+            observations=self.observations.select(chosen),
+            next_observations=self.next_observations.select(chosen),
+            beacons=self.beacons[chosen],
+            waypoints=self.waypoints[chosen],
+            rewards=self.rewards[chosen],
+            discounts=self.discounts[chosen],
+            terminal=self.terminal[chosen],
+            next_valid=self.next_valid[chosen],
+            probabilities=self.probabilities[chosen],
+            families=self.families[chosen],
+            labelled=self.labelled[chosen],
+            labels=_selected(self.labels, self.observations, chosen),
+            next_labelled=self.next_labelled[chosen],
+            next_labels=_selected(self.next_labels, self.next_observations, chosen),
+            arrivals=None if self.arrivals is None else self.arrivals[chosen],
+        )
+
+
+def _selected(
+    labels: ExpertLabels | None, observations: ObservationBatch, chosen: NDArray[np.bool_]
+) -> ExpertLabels | None:
+    if labels is None:
+        return None
+    return ExpertLabels(
+        cost=labels.cost[np.repeat(chosen, waypoint_counts(observations))],
+        beacon=labels.beacon[chosen],
+        remaining=labels.remaining[chosen],
+        unseen=labels.unseen[chosen],
+    )

@@ -31,20 +31,25 @@ def scheduled_rate(peak: float, update: int, total_updates: int, config: AdamCon
 
 
 class Optimiser:
-    """Adam over the weights of one module.
+    """Adam over the weights of one module, in two halves: a gradient first, the step once all of an update is sound.
 
     Args:
         module: what it trains.
         clip_norm: gradients are scaled down to this norm; None leaves them.
+
+    Attributes:
+        norm: of the gradient that waits for `apply`, None when none does.
     """
 
     def __init__(self, module: nn.Module, clip_norm: float | None) -> None:
         self._parameters = dict(module.named_parameters())
         self._clip_norm = clip_norm
         self._adam = torch.optim.Adam(self._parameters.values())
+        self._rate = 0.0
+        self.norm: Tensor | None = None
 
-    def step(self, loss: Tensor, rate: float) -> Tensor:
-        """Descend the loss at a learning rate; return the norm of its gradient before clipping."""
+    def prepare(self, loss: Tensor, rate: float) -> Tensor:
+        """Compute the gradient of a loss for `apply` to descend at a rate; return its norm before clipping."""
         self._adam.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
         values = self._parameters.values()
@@ -52,10 +57,22 @@ class Optimiser:
             norm = nn.utils.get_total_norm([value.grad for value in values if value.grad is not None])
         else:
             norm = nn.utils.clip_grad_norm_(values, self._clip_norm)
-        for group in self._adam.param_groups:
-            group["lr"] = rate
-        self._adam.step()
+        self.norm = norm
+        self._rate = rate
         return norm
+
+    def apply(self) -> None:
+        """Take the step that was prepared, if one was."""
+        if self.norm is None:
+            return
+        for group in self._adam.param_groups:
+            group["lr"] = self._rate
+        self._adam.step()
+        self.norm = None
+
+    def drop(self) -> None:
+        """Give up the step that was prepared, if one was; the weights stay as they are."""
+        self.norm = None
 
     def state(self) -> dict[str, Tensor]:
         """Copy the moments and step counts to the host, as ``<weight>.<moment>``."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -20,6 +21,7 @@ from common.network.policy_network import PolicyNetwork, PolicyOutput
 from common.network.segment import segment_sum
 from common.network.state import load_arrays, to_arrays
 from learner.algorithm.augment import augment
+from learner.algorithm.base import NotFiniteError
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.cloning import cloning_loss
 from learner.algorithm.device import wants_bf16
@@ -70,7 +72,11 @@ class PolicyLearner(ABC):
 
     @abstractmethod
     def _reinforce(self, batch: TransitionBatch, metrics: dict[str, Tensor]) -> None:
-        """Make an update after the imitation stage."""
+        """Prepare the steps of an update after the imitation stage."""
+
+    @abstractmethod
+    def _settle(self) -> None:
+        """Do what follows the steps of an update."""
 
     def _augmented(self, batch: TransitionBatch) -> TransitionBatch:
         """Draw and apply symmetries of the world."""
@@ -85,18 +91,29 @@ class PolicyLearner(ABC):
     def update(self, batch: TransitionBatch) -> dict[str, float]:
         """Learn from one batch; return the update's metrics by their TensorBoard names.
 
+        All losses and gradients come first, so that nothing changes before all of them are known to be finite.
+
         Raises:
             ValueError: a chosen node is no beacon or waypoint of its observation, or the batch lacks labels.
+            NotFiniteError: a figure or a gradient is not finite.
         """
         if self.config.learner.augment:
             batch = self._augmented(batch)
-        metrics: dict[str, Tensor] = {}
-        if self.stage == "cloning":
-            self._imitate(self._sample(batch, bootstrap=False), metrics)
-        else:
-            self._reinforce(batch, metrics)
+        buffers = self._buffers()
+        figures = self._figures(batch)
+        if bad := _not_finite(figures):
+            self._give_up(buffers)
+            raise NotFiniteError(bad, self._culprits(batch))
+        moved = self._optimisers["policy"].norm is not None
+        for optimiser in self._optimisers.values():
+            optimiser.apply()
+        if moved and self.config.learner.average_decay > 0.0:
+            # It soon forgets the first updates.
+            decay = min(self.config.learner.average_decay, (1 + self.updates) / (10 + self.updates))
+            blend(self.policy.parameters(), self.average.parameters(), 1.0 - decay)
+        self._settle()
         self.updates += 1
-        return _to_floats(metrics)
+        return figures
 
     def adopt(self, weights: dict[str, NDArray[np.float32]]) -> None:
         """Begin with these policy weights; all else stays as it is.
@@ -157,7 +174,7 @@ class PolicyLearner(ABC):
         return Sample.make(batch, self.config, self.device, bootstrap, self._teachers)
 
     def _imitate(self, sample: Sample, metrics: dict[str, Tensor]) -> None:
-        """Descend the imitation loss; a batch without labels changes nothing."""
+        """Prepare the descent of the imitation loss; a batch without labels changes nothing."""
         if sample.guidance is None:
             return
         with self._precision():
@@ -179,14 +196,11 @@ class PolicyLearner(ABC):
     def _descend(
         self, loss: Tensor, rate: float, output: PolicyOutput, batch: GraphBatch, metrics: dict[str, Tensor]
     ) -> None:
-        """Move the policy down a loss, and the average after it, which soon forgets the first updates."""
-        metrics["gradient/policy"] = self._optimisers["policy"].step(loss, rate)
+        """Prepare the policy's step down a loss."""
+        metrics["gradient/policy"] = self._optimisers["policy"].prepare(loss, rate)
         with torch.no_grad():
             of_beacon, of_waypoint = entropies(output, batch)
         metrics["entropy/beacon"], metrics["entropy/waypoint"] = of_beacon.mean(), of_waypoint.mean()
-        if self.config.learner.average_decay > 0.0:
-            decay = min(self.config.learner.average_decay, (1 + self.updates) / (10 + self.updates))
-            blend(self.policy.parameters(), self.average.parameters(), 1.0 - decay)
 
     def _contrast(self, batch: GraphBatch, output: PolicyOutput, q: Tensor) -> Tensor:
         """Contrastive joint optimisation (Algorithm 2) with the values q of all pairs as the judge."""
@@ -207,6 +221,47 @@ class PolicyLearner(ABC):
             loss = loss + triplet_loss(output.beacon_features, *chosen, config.margin)
         return loss
 
+    # --- batches that nothing can be learnt from -----------------------------------------------------------------
+
+    def _figures(self, batch: TransitionBatch) -> dict[str, float]:
+        """Prepare all steps of an update; return its metrics, gradients among them."""
+        metrics: dict[str, Tensor] = {}
+        if self.stage == "cloning":
+            self._imitate(self._sample(batch, bootstrap=False), metrics)
+        else:
+            self._reinforce(batch, metrics)
+        return _to_floats(metrics)
+
+    def _buffers(self) -> list[tuple[Tensor, Tensor]]:
+        """Return what a prepared update may have changed already, running means and the like, with copies of it."""
+        return [(buffer, buffer.clone()) for module in self._modules().values() for buffer in module.buffers()]
+
+    def _give_up(self, buffers: list[tuple[Tensor, Tensor]]) -> None:
+        """Drop the prepared steps and put the buffers back."""
+        for optimiser in self._optimisers.values():
+            optimiser.drop()
+        for buffer, before in buffers:
+            buffer.copy_(before)
+
+    def _culprits(self, batch: TransitionBatch) -> NDArray[np.int64]:
+        """Return the rows that are not finite by themselves, found by halving; none when most of them are."""
+        most = max(len(batch) // 2, 1)
+        random, buffers = self._rng.bit_generator.state, self._buffers()
+        found: list[int] = []
+        waiting = np.array_split(np.arange(len(batch)), 2) if len(batch) > 1 else [np.arange(1)]
+        while waiting and len(found) <= most:
+            rows = waiting.pop()
+            chosen = np.zeros(len(batch), dtype=np.bool_)
+            chosen[rows] = True
+            sound = not _not_finite(self._figures(batch.select(chosen)))
+            self._give_up(buffers)
+            if not sound and len(rows) > 1:
+                waiting += np.array_split(rows, 2)
+            elif not sound:
+                found.append(int(rows[0]))
+        self._rng.bit_generator.state = random
+        return np.array(sorted(found) if len(found) <= most else [], dtype=np.int64)
+
     def _rate(self, peak: float) -> float:
         return scheduled_rate(peak, self.updates, self.config.learner.total_updates, self.config.adam)
 
@@ -220,6 +275,10 @@ def seeded(seed: int) -> Iterator[None]:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         yield
+
+
+def _not_finite(figures: dict[str, float]) -> list[str]:
+    return [name for name, value in figures.items() if not math.isfinite(value)]
 
 
 def _to_floats(metrics: dict[str, Tensor]) -> dict[str, float]:

@@ -65,6 +65,9 @@ class PpoLearner(PolicyLearner):
         if self.stage == "ppo":
             self._update_policy(sample, returns, advantage, metrics)
 
+    def _settle(self) -> None:
+        """Leave all as it is: nothing follows the value function."""
+
     def _update_value(self, returns: Returns, metrics: dict[str, Tensor]) -> Tensor:
         """Regress V(s) on R_n + γ^m V(s'); return their difference A before the step, shape (n,)."""
         value = self.value(returns.now)
@@ -73,7 +76,7 @@ class PpoLearner(PolicyLearner):
             advantage = goal - value
         if len(returns):
             loss = critic_loss(value, goal, self.config.ppo.huber_delta)
-            metrics["gradient/value"] = self._optimisers["value"].step(loss, self.config.ppo.value)
+            metrics["gradient/value"] = self._optimisers["value"].prepare(loss, self.config.ppo.value)
             metrics["loss/value"] = loss
             metrics["value/v"] = value.mean()
             metrics["value/target"] = goal.mean()

@@ -64,7 +64,11 @@ class SacLearner(PolicyLearner):
         if self.stage == "sac":
             output = self._update_policy(sample, q, metrics)
             self._update_temperatures(sample, output, metrics)
-        self._update_targets()
+
+    def _settle(self) -> None:
+        """Let the target critics follow."""
+        if self.stage != "cloning":
+            self._update_targets()
 
     def _update_critics(self, sample: Sample, metrics: dict[str, Tensor]) -> Tensor:
         """Regress both critics on the soft target; return min_i Q_i of all pairs, without gradient."""
@@ -81,10 +85,11 @@ class SacLearner(PolicyLearner):
             first, second = self.critic(sample.now, sample.told)
         chosen = sample.chosen[sample.learnable]
         loss = critic_loss(first[chosen], goal, sac.huber_delta) + critic_loss(second[chosen], goal, sac.huber_delta)
-        metrics["gradient/critic"] = self._optimisers["critic"].step(loss, self._rate(self.config.adam.critic))
+        metrics["gradient/critic"] = self._optimisers["critic"].prepare(loss, self._rate(self.config.adam.critic))
         metrics["loss/critic"] = loss
-        metrics["value/q"] = first[chosen].mean()
-        metrics["value/target"] = goal.mean()
+        if len(chosen):
+            metrics["value/q"] = first[chosen].mean()
+            metrics["value/target"] = goal.mean()
         return torch.minimum(first.detach(), second.detach())
 
     def _update_policy(self, sample: Sample, q: Tensor, metrics: dict[str, Tensor]) -> PolicyOutput:
@@ -121,7 +126,9 @@ class SacLearner(PolicyLearner):
             loss = temperature_loss(
                 self.temperatures.log_beacon, of_beacon, batch.beacon_ptr.diff(), fraction
             ) + temperature_loss(self.temperatures.log_waypoint, of_waypoint, batch.waypoint_ptr.diff(), fraction)
-            self._optimisers["temperatures"].step(loss, self.config.adam.temperature)
+            metrics["gradient/temperature"] = self._optimisers["temperatures"].prepare(
+                loss, self.config.adam.temperature
+            )
         alpha_beacon, alpha_waypoint = self._alphas()
         metrics["temperature/beacon"] = alpha_beacon
         metrics["temperature/waypoint"] = alpha_waypoint

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +29,8 @@ from learner.replay.memory import (
     plan_memory,
 )
 
+Source = tuple[str, int, int]
+"""(actor, incarnation, sequence) of a delivery."""
 StepKey = tuple[str, int, int, int]
 """One step of the whole system: (actor, incarnation, episode, step)."""
 
@@ -66,6 +69,9 @@ class Replay:
         self._oldest = 0
         self._next = 0
         self._transitions = 0
+        # Where the observations here came from: (actor, incarnation, sequence) of deliveries in the order of arrival.
+        self._sources: deque[Source] = deque()
+        self._first_source = 0
         self._ends: dict[StepKey, int] = {}
         self._starts: dict[StepKey, int] = {}
         self._key_of_end: dict[int, StepKey] = {}
@@ -106,6 +112,7 @@ class Replay:
         if not isinstance(chunk, Chunk):
             return 0
         with self._lock:
+            self._sources.append((delivery.actor, delivery.incarnation, delivery.sequence))
             first = self._store_observations(chunk)
             self._store_steps(chunk, first)
             self._link(delivery, chunk, first)
@@ -161,6 +168,20 @@ class Replay:
         with self._lock:
             return self._batch(self._draw(self._columns.labelled, batch_size, rng, "labelled step"), 1, 1.0, False)
 
+    def set_aside(self, arrivals: NDArray[np.int64]) -> list[Source]:
+        """Never draw the steps of some deliveries again; return where those came from.
+
+        Args:
+            arrivals: arrival numbers of observations, one or more of each delivery; those that are gone do not count.
+        """
+        with self._lock:
+            here = arrivals[(arrivals >= self._oldest) & (arrivals < self._next)]
+            numbers = np.unique(self._columns.delivery[here % self._slots])
+            held = np.arange(self._oldest, self._next)
+            for number in held[np.isin(self._columns.delivery[held % self._slots], numbers)].tolist():
+                self._withdraw(number)
+            return [self._sources[number - self._first_source] for number in numbers.tolist()]
+
     @property
     def labelled(self) -> int:
         """Number of labelled steps."""
@@ -205,6 +226,7 @@ class Replay:
         ]
         rows = np.arange(self._next, self._next + count) % self._slots
         part = slice(low, high)
+        columns.delivery[rows] = self._last_source
         columns.first[rows] = ragged.ends[part] - begin + places
         columns.length[rows] = ragged.length[part]
         columns.robot[rows] = batch.robot[part]
@@ -284,6 +306,24 @@ class Replay:
         self._columns.predecessor[successor % self._slots] = step
         self._transitions += 1
 
+    def _withdraw(self, number: int) -> None:
+        """Let an observation stay where it is, but start no transition; sums of rewards end before it."""
+        columns, row = self._columns, number % self._slots
+        successor = int(columns.successor[row])
+        if successor >= 0:
+            columns.successor[row] = -1
+            columns.predecessor[successor % self._slots] = -1
+            self._transitions -= 1
+        columns.labelled[row] = False
+        self._forget_ends(number)
+
+    def _forget_ends(self, number: int) -> None:
+        """Let nothing that comes later join an observation."""
+        for keys, open_ends in ((self._key_of_end, self._ends), (self._key_of_start, self._starts)):
+            key = keys.pop(number, None)
+            if key is not None:
+                del open_ends[key]
+
     def _evict(self) -> None:
         """Forget the oldest observation, and with it the transition that starts or ends there."""
         number = self._oldest
@@ -297,15 +337,22 @@ class Replay:
             self._transitions -= 1
         columns.successor[row] = -1
         columns.labelled[row] = False
-        for keys, open_ends in ((self._key_of_end, self._ends), (self._key_of_start, self._starts)):
-            key = keys.pop(number, None)
-            if key is not None:
-                del open_ends[key]
+        self._forget_ends(number)
         length = columns.length[row]
         self._live_bytes -= int(length @ ROW_BYTES)
         for ring, first, rows in zip(self._rings, columns.first[row].tolist(), length.tolist(), strict=True):
             ring.free(first, rows)
         self._oldest += 1
+        # The delivery that is being stored may be so large that it evicts its own beginning.
+        held = int(columns.delivery[self._oldest % self._slots]) if self._oldest < self._next else self._last_source
+        while self._first_source < min(held, self._last_source):
+            self._sources.popleft()
+            self._first_source += 1
+
+    @property
+    def _last_source(self) -> int:
+        """Number of the newest delivery."""
+        return self._first_source + len(self._sources) - 1
 
     # --- sampling ----------------------------------------------------------------------------------------------
 
@@ -356,6 +403,7 @@ class Replay:
             labels=self._labels(rows, labelled) if labelled.any() else None,
             next_labelled=next_labelled,
             next_labels=self._labels(following, next_labelled) if judged else None,
+            arrivals=self._oldest + (rows - self._oldest) % self._slots,
         )
 
     def _gather(self, rows: NDArray[np.int64]) -> ObservationBatch:

@@ -149,6 +149,7 @@ class SlotColumns:
     """What is kept of each observation beside its rows in the rings; row = number of arrival modulo number of slots.
 
     Attributes:
+        delivery: number of the delivery that it came with, counted by the buffer, int64.
         first: first row in each ring, int64, shape (slots, 6).
         length: rows in each ring, int32, shape (slots, 6).
         robot: node number, int32.
@@ -174,6 +175,7 @@ class SlotColumns:
         unseen: reachable area not seen yet, square metres, float32.
     """
 
+    delivery: NDArray[np.int64]
     first: NDArray[np.int64]
     length: NDArray[np.int32]
     robot: NDArray[np.int32]
@@ -206,6 +208,7 @@ class SlotColumns:
             return _Column(slots, dtype, width).array
 
         return cls(
+            delivery=column(np.int64),
             first=column(np.int64, len(KINDS)),
             length=column(np.int32, len(KINDS)),
             robot=column(np.int32),

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Mapping
+import logging
+from collections import OrderedDict, defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from numpy.typing import NDArray
 
+from common.bus.keys import host_of
+from common.config.schema import RunConfig
 from common.messages.experience import FAILURE, EpisodeReport
 from learner.run.episodes import EpisodeMeans, mean_episode
 
 Policy = Mapping[str, NDArray[Any]]
 
+logger = logging.getLogger(__name__)
+
 WORST_RATIO = "worst_ratio"
+_MAX_OPEN = 256
+_MAX_REASONS = 100
+_ANY_VERSION = 2**62
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -77,32 +85,96 @@ class Round:
         return {**asdict(self.means), **{f"ratio/{name}": value for name, value in self.ratios.items()}, **worst}
 
 
+@dataclass(frozen=True, slots=True)
+class Evaluators:
+    """Whose reports of evaluation count.
+
+    Attributes:
+        hosts: those of the evaluators that were asked.
+        certified: names of the run's certificates, by which hosts are told apart.
+        anybody: nobody was asked by name, and nobody has a certificate by which a name could be checked.
+    """
+
+    hosts: frozenset[str]
+    certified: tuple[str, ...] = ()
+    anybody: bool = False
+
+    @classmethod
+    def of(cls, config: RunConfig, certified: Sequence[str] = (), own: Sequence[str] = ()) -> Evaluators:
+        """Take those that the configuration names, and the learner's own ones."""
+        hosts = frozenset([*config.learner.evaluators, *own])
+        return cls(hosts, tuple(certified), anybody=not hosts and config.bus.tls_access is None)
+
+    def count(self, actor: str) -> bool:
+        """Whether the reports of an actor count."""
+        return self.anybody or host_of(actor, self.certified) in self.hosts
+
+
+ANYBODY = Evaluators(frozenset(), anybody=True)
+
+
 class EvaluationRounds:
     """Collects the reports of evaluators until one version has run on all validation worlds.
 
     Each evaluator's reports are counted apart; when it turns to another version, or restarts, its unfinished round is
-    given up.
+    given up. Whatever else claims to be an evaluation counts nowhere, and the log says why, once for each reason:
+    reports of evaluators that were not asked, of versions that were never published, and of other worlds than those of
+    this process's first round.
 
     Args:
         worlds: number of validation worlds.
+        evaluators: whose reports count.
+        newest: tells the newest published version.
     """
 
-    def __init__(self, worlds: int) -> None:
+    def __init__(
+        self, worlds: int, evaluators: Evaluators = ANYBODY, newest: Callable[[], int] = lambda: _ANY_VERSION
+    ) -> None:
         self._worlds = worlds
-        self._open: dict[str, tuple[int, int, dict[str, EpisodeReport]]] = {}
+        self._evaluators = evaluators
+        self._newest = newest
+        self._open: OrderedDict[str, tuple[int, int, dict[str, EpisodeReport]]] = OrderedDict()
+        self._places: frozenset[str] = frozenset()
+        self._said: set[str] = set()
+        self.ignored = 0
+        """Reports that counted nowhere."""
 
     def add(self, actor: str, incarnation: int, report: EpisodeReport) -> Round | None:
         """Count one report; return the round that it completes."""
+        if reason := self._objection(actor, report):
+            self.ignored += 1
+            if reason not in self._said and len(self._said) < _MAX_REASONS:
+                self._said.add(reason)
+                logger.warning("an evaluation does not count: %s", reason)
+            return None
         known = self._open.get(actor)
         if known is None or known[:2] != (incarnation, report.version):
             known = (incarnation, report.version, {})
             self._open[actor] = known
+        self._open.move_to_end(actor)
+        if len(self._open) > _MAX_OPEN:
+            self._open.popitem(last=False)
         reports = known[2]
         reports[_place(report)] = report
         if len(reports) < self._worlds:
             return None
         del self._open[actor]
+        self._places = frozenset(reports)
         return Round.of(report.version, reports.values())
+
+    def _objection(self, actor: str, report: EpisodeReport) -> str:
+        """Return why a report does not count; empty when it does."""
+        host = host_of(actor, self._evaluators.certified)
+        if not self._evaluators.count(actor):
+            return (
+                f"nobody asked {host} for it; if its evaluators are to choose the best policy, name it "
+                f"(--set learner.evaluators={host})"
+            )
+        if not 0 <= report.version <= self._newest():
+            return f"{host} reports of a version that was never published"
+        if self._places and _place(report) not in self._places:
+            return f"{host} drives in other worlds than those of the first round: evaluate in the run's own ones"
+        return ""
 
     def state(self) -> list[Any]:
         """Return the unfinished rounds, ready for JSON."""
@@ -113,10 +185,10 @@ class EvaluationRounds:
 
     def restore(self, state: list[Any]) -> None:
         """Take over the unfinished rounds of an earlier process."""
-        self._open = {
-            actor: (incarnation, version, {_place(report): report for report in (EpisodeReport(**v) for v in reports)})
-            for actor, incarnation, version, reports in state
-        }
+        self._open = OrderedDict()
+        for actor, incarnation, version, values in state:
+            reports = [EpisodeReport(**each) for each in values]
+            self._open[actor] = incarnation, version, {_place(report): report for report in reports}
 
     @property
     def versions(self) -> set[int]:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Mapping
 from typing import Any
 
 from learner.run.episodes import EpisodeMeans
+
+PAGE_BYTES = 150_000
+"""Of the actors in one reply: with all else that stays well below the longest document that a message may hold."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -113,9 +117,32 @@ class LearnerStatus:
         """Return plain values."""
         return dataclasses.asdict(self)
 
+    def page(self, after: str = "") -> dict[str, Any]:
+        """Return plain values with as many actors as one reply holds.
+
+        Args:
+            after: only actors whose name comes after this one; `actors` is in the order of names.
+
+        Returns:
+            What `to_json` returns, and under ``next`` the name that the next page begins after; empty on the last one.
+        """
+        actors: list[dict[str, Any]] = []
+        size, following = 0, ""
+        for actor in self.actors:
+            if actor.name <= after:
+                continue
+            values = dataclasses.asdict(actor)
+            size += len(json.dumps(values))
+            if actors and size > PAGE_BYTES:
+                following = actors[-1]["name"]
+                break
+            actors.append(values)
+        return {**dataclasses.asdict(dataclasses.replace(self, actors=[])), "actors": actors, "next": following}
+
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> LearnerStatus:
-        """Read what `to_json` wrote; raise TypeError or KeyError when something is missing or unknown."""
+        """Read what `to_json` or `page` wrote; raise TypeError or KeyError when something is missing or unknown."""
         late = {group: EpisodeMeans(**means) for group, means in values["late"].items()}
         actors = [ActorStatus(**actor) for actor in values["actors"]]
-        return cls(**{**values, "late": late, "actors": actors})
+        plain = {name: value for name, value in values.items() if name != "next"}
+        return cls(**{**plain, "late": late, "actors": actors})

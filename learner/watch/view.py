@@ -16,6 +16,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from common.threads import Complaints
 from learner.watch.status import ActorStatus, LearnerStatus
 
 logger = logging.getLogger(__name__)
@@ -75,13 +76,17 @@ class View:
         self._thread.join()
 
     def _run(self) -> None:
+        complaints = Complaints("the view of the learner")
         if self._console.is_terminal:
-            with Live(render(self._status()), console=self._console, auto_refresh=False, transient=True) as live:
-                while not self._closed.wait(REFRESH_SECONDS):
-                    live.update(render(self._status()), refresh=True)
+            with Live(console=self._console, auto_refresh=False, transient=True) as live:
+                while not self._closed.is_set():
+                    with complaints:
+                        live.update(render(self._status()), refresh=True)
+                    self._closed.wait(REFRESH_SECONDS)
         else:
             while not self._closed.wait(self._line_seconds):
-                logger.info("%s", line(self._status()))
+                with complaints:
+                    logger.info("%s", line(self._status()))
 
 
 def line(status: LearnerStatus) -> str:

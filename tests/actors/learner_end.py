@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import socket
 import threading
+import time
 from contextlib import ExitStack
 
 from common.bus.experience import ExperienceServer
 from common.bus.liveness import PresenceWatcher, declare_presence
+from common.bus.seen import SeenSet
 from common.bus.session import new_incarnation, open_learner_session
 from common.bus.spec import SpecServer
 from common.bus.stats import StatsTable
@@ -47,6 +49,7 @@ class LearnerEnd:
         self.config = RunConfig.model_validate({**SMALL, "bus": {"listen": self.endpoint}, **changes})
         self.incarnation = new_incarnation()
         self.deliveries: list[Delivery] = []
+        self._seen = SeenSet()
         self.hold = 0.0
         self.arrived = threading.Condition()
 
@@ -86,14 +89,16 @@ class LearnerEnd:
     def wait_for(self, condition, timeout: float = 60.0) -> bool:  # type: ignore[no-untyped-def]
         """Wait until a condition holds; it is asked whenever something arrives, and every tenth of a second."""
         with self.arrived:
-            for _ in range(int(timeout * 10)):
+            deadline = time.monotonic() + timeout
+            while time.monotonic() < deadline:
                 if condition():
                     return True
                 self.arrived.wait(0.1)
         return bool(condition())
 
-    def _store(self, delivery: Delivery) -> float:
+    def _store(self, delivery: Delivery, payload: bytes) -> float:
         with self.arrived:
-            self.deliveries.append(delivery)
+            if self._seen.add(delivery.actor, delivery.incarnation, delivery.sequence):
+                self.deliveries.append(delivery)
             self.arrived.notify_all()
         return self.hold

@@ -105,6 +105,23 @@ def test_actors_end_with_a_supervisor_that_is_killed():
 
 
 @pytest.mark.slow
+def test_even_a_frozen_actor_ends_within_three_seconds_of_its_killed_supervisor():
+    with (
+        LearnerEnd(free_port()) as learner,
+        Command("--num", "2", "--connect", learner.endpoint, "--name", "desk") as command,
+    ):
+        assert learner.wait_for(lambda: {d.actor for d in learner.deliveries} == {"desk-0", "desk-1"}), command.output
+        children = command.actors()
+        # As one that compiles a kernel or is in the middle of a call that lets no other thread run.
+        os.kill(children["desk-0"], signal.SIGSTOP)
+        everybody = [child.pid for child in psutil.Process(command.process.pid).children(recursive=True)]
+        began = time.monotonic()
+        os.kill(command.process.pid, signal.SIGKILL)
+        assert all(gone(pid) for pid in everybody)
+        assert time.monotonic() - began < 3.0
+
+
+@pytest.mark.slow
 def test_what_a_user_has_to_mend_ends_the_command():
     with (
         LearnerEnd(free_port()) as learner,

@@ -89,7 +89,7 @@ def test_a_held_actor_pauses(port):
         learner.hold = 60.0
         with Running(learner.endpoint) as running:
             assert learner.wait_for(lambda: len(learner.deliveries) >= 1)
-            assert learner.wait_for(lambda: running.worker._state == "held by the learner")
+            assert learner.wait_for(lambda: running.worker.state == "held by the learner")
             learner.wait_for(lambda: False, timeout=0.5)
             counted = len(learner.deliveries)
             learner.wait_for(lambda: False, timeout=1.0)

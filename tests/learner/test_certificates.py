@@ -39,7 +39,7 @@ def bus(pki):
     stored, commands = [], []
     with (
         open_learner_session(config) as session,
-        ExperienceServer(session, "run", 1, lambda delivery: stored.append(delivery.actor) or 0.0) as server,
+        ExperienceServer(session, "run", 1, lambda delivery, payload: stored.append(delivery.actor) or 0.0) as server,
         WeightsPublisher(session, "run") as publisher,
         SpecServer(session, Spec("run", 1, "{}")),
         ControlServer(session, "run", lambda command: commands.append(command.verb) or {}),

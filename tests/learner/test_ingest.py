@@ -4,10 +4,13 @@ import os
 import numpy as np
 import pytest
 
-from common.errors import CheckpointError
+from common.errors import CheckpointError, RefusedError
 from common.messages.codec import pack
+from common.messages.experience import Delivery
 from common.messages.schema import encode
+from learner.algorithm.base import NotFiniteError
 from learner.ingest import Ingest
+from learner.quarantine import STRIKES
 from learner.ratio import RatioKeeper
 from learner.replay.buffer import Replay
 from learner.run.episodes import EpisodeLog
@@ -27,7 +30,7 @@ def open_ingest(folder, episodes_length=0, config=None):
 
 
 def counts(ingest):
-    return (ingest.keeper.steps, ingest.episode_count, len(ingest.replay), ingest.version, ingest.seen_state)
+    return (ingest.keeper.steps, ingest.episode_count, len(ingest.replay), ingest.version, ingest.stored)
 
 
 def lines(folder):
@@ -57,8 +60,7 @@ def test_a_killed_learner_gets_everything_back_exactly(tmp_path):
         ingest.store(delivery)
     snapshot = json.loads(json.dumps(ingest.snapshot()))
     for delivery in made[14:]:
-        ingest.keep_raw(encode(delivery))
-        ingest.store(delivery)
+        ingest.store(delivery, encode(delivery))
     ingest.note_version(17)
     # No close: the process dies here.
     expected, drawn, written = counts(ingest), samples(ingest), lines(tmp_path)
@@ -162,6 +164,7 @@ def test_what_cannot_be_written_is_not_stored(tmp_path, monkeypatch):
 
 def test_an_unfinished_round_of_evaluation_survives(tmp_path):
     ingest, _ = open_ingest(tmp_path)
+    ingest.note_version(6)
     reports = [episode_report("evaluate", 6, map_name=name, distance=200.0) for name in ("a", "b")]
     first, second = deliver(reports, actor="eval-0")
     ingest.store(first)
@@ -173,4 +176,100 @@ def test_an_unfinished_round_of_evaluation_survives(tmp_path):
     (finished,) = again.finished_rounds()
     assert (finished.version, finished.means.distance) == (6, 200.0)
     assert again.finished_rounds() == []
+    journal.close()
+
+
+def poison(delivery, reward=3e38):
+    """A delivery as an earlier release has let it through."""
+    delivery.body.rewards[1] = reward
+    return delivery
+
+
+def test_a_journal_with_poison_resumes_and_names_it(tmp_path, caplog):
+    ingest, _ = open_ingest(tmp_path)
+    snapshot = ingest.snapshot()
+    first, second, *rest = episodes(3)
+    for delivery in (first, poison(second), *rest):
+        ingest.store(delivery)
+    again, journal = open_ingest(tmp_path)
+    again.rebuild(snapshot, updates=0)
+    assert again.poisoned == 1
+    assert again.keeper.steps == 20
+    assert "set aside message 1 of 'desk-0' (incarnation 7)" in caplog.text
+    assert "rewards: must be from -1e+06 to 1e+06, got 3e+38" in caplog.text
+    # The sequence is free again, and nothing else was lost.
+    assert again.stored == {("desk-0", 7): [(0, 1), (2, 9)]}
+    journal.close()
+
+
+def test_what_was_set_aside_stays_aside_and_counts_in_the_next_process(tmp_path):
+    ingest, _ = open_ingest(tmp_path)
+    made = episodes(3)
+    for delivery in made:
+        ingest.store(delivery)
+    batch = ingest.replay.sample(50, np.random.default_rng(0))
+    culprit = int(np.flatnonzero(batch.rewards == 1001.0)[0])
+    ingest.quarantine.take(batch, NotFiniteError(["loss/critic"], np.array([culprit])), 1)
+    assert len(ingest.replay) == 20
+    assert not set(ingest.replay.sample(200, np.random.default_rng(0)).rewards) & {1000.0, 1001.0, 1002.0, 1003.0}
+    snapshot = json.loads(json.dumps(ingest.snapshot()))
+    again, journal = open_ingest(tmp_path, snapshot["episodes_length"])
+    again.rebuild(snapshot, updates=0)
+    assert (again.keeper.steps, len(again.replay)) == (24, 20)
+    assert not set(again.replay.sample(200, np.random.default_rng(0)).rewards) & {1000.0, 1001.0, 1002.0, 1003.0}
+    journal.close()
+
+
+def test_an_actor_that_poisons_again_and_again_is_refused_and_the_others_are_not(tmp_path):
+    ingest, journal = open_ingest(tmp_path)
+    made = episodes(STRIKES, actor="evil-0")
+    for delivery in made:
+        ingest.store(delivery)
+    for episode in range(STRIKES):
+        ingest.store(made[0])  # known already, so it is acknowledged as before
+        batch = ingest.replay.sample(300, np.random.default_rng(0))
+        culprit = np.flatnonzero(batch.rewards == 1000.0 * episode + 1)[:1]
+        ingest.quarantine.take(batch, NotFiniteError(["loss/critic"], culprit), 1)
+    later = episodes(1, actor="evil-0", first=STRIKES)[0]
+    refused = Delivery("evil-0", 8, 0, later.body)
+    with pytest.raises(RefusedError, match="evil-0 is refused: 5 of its messages"):
+        ingest.store(refused)
+    ingest.store(episodes(1, actor="desk-0")[0])
+    snapshot = json.loads(json.dumps(ingest.snapshot()))
+    again, journal = open_ingest(tmp_path, snapshot["episodes_length"])
+    again.rebuild(snapshot, updates=0)
+    with pytest.raises(RefusedError):
+        again.store(refused)
+    journal.close()
+
+
+def test_eleven_thousand_invented_names_make_no_replayed_message_count_twice(tmp_path):
+    ingest, journal = open_ingest(tmp_path)
+    honest = episodes(1)
+    for delivery in honest:
+        ingest.store(delivery)
+    for number in range(11_000):
+        ingest.store(Delivery(f"invented-{number}", number, 0, honest[-1].body))
+    assert len(ingest.actors) == 10_000
+    before = ingest.keeper.steps
+    for delivery in honest:
+        ingest.store(delivery)
+    assert (ingest.keeper.steps, ingest.duplicates) == (before, len(honest))
+    snapshot = json.loads(json.dumps(ingest.snapshot()))
+    again, journal = open_ingest(tmp_path, snapshot["episodes_length"])
+    again.rebuild(snapshot, updates=0)
+    for delivery in honest:
+        again.store(delivery)
+    assert again.keeper.steps == before
+    journal.close()
+
+
+def test_evaluations_count_only_of_those_that_were_asked(tmp_path):
+    config = small_config(learner={"evaluators": ["judge"]})
+    ingest, journal = open_ingest(tmp_path, config=config)
+    ingest.note_version(6)
+    for actor in ("desk-0", "judge-eval-0"):
+        for delivery in deliver([episode_report("evaluate", 6, map_name=name) for name in ("a", "b")], actor=actor):
+            ingest.store(delivery)
+        assert len(ingest.finished_rounds()) == (actor != "desk-0")
     journal.close()

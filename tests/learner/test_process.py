@@ -12,9 +12,14 @@ from pathlib import Path
 import pytest
 
 from common.bus.experience import ExperienceSender
+from common.bus.query import ask
 from common.bus.session import open_client_session
 from common.bus.weights import WeightsPuller
 from common.config.schema import BusConfig
+from common.messages.experience import Delivery
+from common.messages.schema import encode
+from common.messages.stats import LearnerStats
+from tests.learner.experience import episode_report
 from tests.learner.runs import episodes
 
 SETTINGS = [
@@ -111,6 +116,40 @@ def test_kill_at_any_moment_loses_nothing_and_counts_nothing_twice(learner):
     assert status["episodes"] == 60
     lines = (learner.folder / "runs" / "test" / "episodes.jsonl").read_text().splitlines()
     assert sorted(json.loads(line)["distance"] for line in lines) == [100.0 + i for i in range(60)]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_strangers_disturb_no_run(learner):
+    """Each of these once silenced the status, ended the run, or chose its best policy."""
+    made, bad = episodes(6), episodes(1)[0].body
+    bad.rewards[1] = 3e38
+    report = episode_report("evaluate", 9, map_name="invented", distance=0.0)
+    stats = LearnerStats("x", 1, 1, 1, 1, 1, 1.0, 1.0, 1, "training")
+    learner.launch("start")
+    with open_client_session(BusConfig(), [learner.endpoint]) as session:
+        with ExperienceSender(session, "test", "desk-0") as sender:
+            for delivery in made:
+                sender.send(delivery.body)
+            assert sender.flush(60.0), learner.log.read_text()
+            sender.send(bad)
+            assert sender.flush(60.0)
+            assert sender.refused == 1
+        session.put("hd/test/stats/actor/desk-0", encode(stats))
+        for number in range(50):
+            ask(session, f"hd/test/experience/evil-{number}", 5.0, encode(Delivery(f"evil-{number}", 1, 0, report)))
+        tokens = [session.liveliness().declare_token(f"hd/test/live/actor/wide-{number}") for number in range(1300)]
+        # A second of statistics, and a state of the learner for each command.
+        time.sleep(1.5)
+        status = learner.status()
+        assert len(status["actors"]) >= 1300
+        assert (status["steps"], status["best"], status["refused"]) == (48, -1, 1)
+        assert json.loads(learner.ask("status", "--json"))["state"] != "stopping"
+        for token in tokens:
+            token.undeclare()
+    learner.ask("stop")
+    assert learner.process.wait(60) == 0, learner.log.read_text()
+    assert "Traceback" not in learner.log.read_text()
 
 
 @pytest.mark.slow

@@ -199,9 +199,27 @@ def test_a_diverged_update_ends_the_run_and_keeps_the_last_checkpoint(tmp_path):
             trainer.ingest.store(delivery)
         with torch.no_grad():
             next(iter(trainer.algorithm.critic.parameters())).fill_(float("nan"))
-        with pytest.raises(HDError, match=r"update 1 has diverged.*lower the learning rates"):
+        with pytest.raises(HDError, match=r"update 1 has diverged.*19 batches before.*lower the learning rates"):
             train(trainer)
         assert trainer.checkpoints.names() == ["000000000"]
+        trainer.close()
+
+
+@pytest.mark.parametrize("changes", [{}, {"sac": {"huber_delta": None}}, PPO], ids=["huber", "square", "ppo"])
+def test_one_bad_value_ends_no_run_and_its_source_is_named(tmp_path, caplog, changes):
+    """A reward that an earlier release let through, or that no bound will ever catch."""
+    with new_run(tmp_path, learner={"total_updates": 12}, **changes) as run:
+        trainer, published = make_trainer(run)
+        trainer.begin()
+        made = episodes(3, labelled="algorithm" in changes)
+        made[1].body.rewards[2] = np.float32(np.inf)
+        for delivery in made:
+            trainer.ingest.store(delivery)
+        train(trainer)
+        assert trainer.complete
+        assert "set aside for good: message 1 of desk-0 (incarnation 7)" in caplog.text
+        assert (made[1].actor, 7, 1) in trainer.ingest.quarantine
+        assert all(np.isfinite(weights).all() for weights in published[-1].weights.values())
         trainer.close()
 
 

@@ -1,3 +1,7 @@
+import resource
+import struct
+import time
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -6,6 +10,7 @@ from PIL import Image
 
 from actors.maps.files import list_maps
 from actors.maps.image_map import load_image
+from actors.maps.images import read_pixels
 from actors.maps.layout import build_map
 from actors.maps.png import write_png
 from common.errors import MapError
@@ -285,3 +290,26 @@ def test_the_colours_give_what_the_gray_values_of_public_maps_gave() -> None:
         rows, columns = np.nonzero(start)
         assert world.start == ((columns.min() + columns.max() + 1) / 2, (rows.min() + rows.max() + 1) / 2)
         assert np.array_equal(target, np.zeros_like(free) if world.target_region is None else world.target_region)
+
+
+def chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+def test_texts_in_pictures_that_grow_without_end_are_refused_at_once(tmp_path: Path) -> None:
+    plain = tmp_path / "plain.png"
+    Image.new("L", (8, 8)).save(plain)
+    head, rest = plain.read_bytes()[:33], plain.read_bytes()[33:]
+    once, often = zlib.compress(bytes(100_000_000)), zlib.compress(bytes(900_000))
+    for texts in (
+        chunk(b"zTXt", b"Comment\0\0" + once),
+        chunk(b"iCCP", b"x\0\0" + once),
+        b"".join(chunk(b"zTXt", b"C%d\0\0" % number + often) for number in range(200)),
+    ):
+        path = tmp_path / "bomb.png"
+        path.write_bytes(head + texts + rest)
+        before, began = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.monotonic()
+        with pytest.raises(MapError, match="cannot read the image"):
+            read_pixels(path)
+        assert time.monotonic() - began < 1.0
+        assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000

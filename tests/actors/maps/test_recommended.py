@@ -1,3 +1,4 @@
+import time
 from pathlib import Path
 
 import pytest
@@ -130,3 +131,12 @@ def test_sources_that_need_different_settings_are_told_apart() -> None:
     assert joined([fine, fine], []) == fine.settings
     auto = Recommendation("auto", {"task.max_steps": "auto"})
     assert joined([fine, auto], ["mapping.resolution"]) == {"task.max_steps": "auto"}
+
+
+@pytest.mark.parametrize("text", ["a" + ".a" * 60_000 + " = 1", "a = " + "[" * 60_000])
+def test_settings_that_are_made_to_cost_are_refused_at_once(tmp_path, text):
+    (tmp_path / "worlds.toml").write_text(text)
+    began = time.monotonic()
+    with pytest.raises(MapError, match="must not nest deeper"):
+        read_folder(tmp_path)
+    assert time.monotonic() - began < 1.0

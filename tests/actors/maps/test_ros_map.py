@@ -1,4 +1,5 @@
 import math
+import time
 from pathlib import Path
 
 import numpy as np
@@ -293,3 +294,12 @@ def test_an_image_of_colours_is_read_by_the_mean_of_its_channels(tmp_path: Path)
     path = write_ros(tmp_path / "plan.yaml", pixels, "map.png")
     world = load_ros_map(path, start=(0.5, 0.5))
     assert world.free[:, :20].all() and not world.free[:, 20:].any()
+
+
+def test_lists_without_end_are_refused_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "plan.yaml"
+    path.write_text("a: " + "[" * 30_000)
+    began = time.monotonic()
+    with pytest.raises(MapError, match="lists without end"):
+        read_map_server_file(path)
+    assert time.monotonic() - began < 1.0

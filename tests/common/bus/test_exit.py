@@ -39,7 +39,7 @@ def begin():
         things = [
             enter(declare_presence(session, "run", "learner", "learner")),
             enter(PresenceWatcher(session, "run")),
-            enter(ExperienceServer(session, "run", 1, lambda delivery: 0.0)),
+            enter(ExperienceServer(session, "run", 1, lambda delivery, payload: 0.0)),
             enter(WeightsPublisher(session, "run")),
             enter(SpecServer(session, Spec("run", 1, "{}"))),
             enter(ControlServer(session, "run", lambda command: {})),

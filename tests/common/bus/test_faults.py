@@ -28,12 +28,13 @@ if os.path.exists(path):
         seen.add(actor, int(incarnation), int(sequence))
 file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
 
-def store(delivery):
-    os.write(file, f"{delivery.actor} {delivery.incarnation} {delivery.sequence}\\n".encode())
+def store(delivery, payload):
+    if seen.add(delivery.actor, delivery.incarnation, delivery.sequence):
+        os.write(file, f"{delivery.actor} {delivery.incarnation} {delivery.sequence}\\n".encode())
     return 0.0
 
 with open_learner_session(BusConfig(listen=endpoint)) as session:
-    with ExperienceServer(session, "run", new_incarnation(), store, state=seen.state()):
+    with ExperienceServer(session, "run", new_incarnation(), store):
         print("ready", flush=True)
         sys.stdin.read()
 """

@@ -90,7 +90,7 @@ def test_an_actor_in_another_language_can_take_part():
         open_learner_session(listen) as learner,
         SpecServer(learner, Spec("office", 815, '{"seed": 3}')),
         WeightsPublisher(learner, "office") as publisher,
-        ExperienceServer(learner, "office", 815, lambda delivery: stored.append(delivery) or 0.5),
+        ExperienceServer(learner, "office", 815, lambda delivery, payload: stored.append(delivery) or 0.5),
         zenoh.open(zenoh.Config.from_json5(json.dumps(settings))) as session,
     ):
         publisher.publish(samples.weights(version=7))

@@ -1,6 +1,6 @@
 import pytest
 
-from common.bus.keys import Keys, last_part, process_of
+from common.bus.keys import Keys, host_of, last_part, process_of, run_of
 from common.errors import BusError
 
 
@@ -35,3 +35,32 @@ def test_roles_and_verbs_are_checked():
 def test_parts_of_keys():
     assert last_part("hd/run/experience/desk-0") == "desk-0"
     assert process_of("hd/run/live/actor/desk-0") == ("actor", "desk-0")
+
+
+@pytest.mark.parametrize(
+    "key", ["hd/run/live/boss/desk-0", "hd/run/live/actor/desk\x1b[2J", "hd/run/live/actor/Desk", "hd/run/live/actor/"]
+)
+def test_keys_of_strangers_name_no_process(key):
+    with pytest.raises(BusError):
+        process_of(key)
+
+
+def test_the_run_of_a_stranger_is_none():
+    with pytest.raises(BusError):
+        run_of("hd/\x1b[2J/spec")
+
+
+@pytest.mark.parametrize(
+    ("actor", "certified", "host"),
+    [
+        ("desk-0", (), "desk"),
+        ("desk-eval-12", (), "desk"),
+        ("desk", (), "desk"),
+        ("my-desk-3-0", (), "my-desk-3"),
+        ("desk-arm-3", ("other", "desk"), "desk"),
+        ("desk", ("desk",), "desk"),
+        ("desktop-1", ("desk",), "desktop"),
+    ],
+)
+def test_the_host_of_an_actor(actor, certified, host):
+    assert host_of(actor, certified) == host

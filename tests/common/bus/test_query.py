@@ -42,7 +42,7 @@ def test_an_error_in_an_answer_is_logged_and_the_next_query_answered(sessions, c
         assert [reply for reply in ask(client, "hd/run/spec", 1.0) if reply.ok] == []
         (reply,) = ask(client, "hd/run/spec", 3.0)
         assert reply.ok.payload.to_bytes() == b"here"
-    assert "a query on hd/run/spec could not be answered" in caplog.text
+    assert "answering a query on hd/run/spec failed and goes on: OverflowError" in caplog.text
     assert "OverflowError" in caplog.text
 
 
@@ -93,7 +93,7 @@ def test_every_server_of_the_bus_goes_on_after_an_error(sessions, part):
     else:
         stored = []
         with (
-            ExperienceServer(learner, "run", 5, lambda delivery: stored.append(delivery) or 0.0) as server,
+            ExperienceServer(learner, "run", 5, lambda delivery, payload: stored.append(delivery) or 0.0) as server,
             ExperienceSender(client, "run", "desk-0", ack_timeout=1.0) as sender,
         ):
             server._server._answer = FailsOnce(server._answer)

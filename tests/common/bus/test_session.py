@@ -1,4 +1,7 @@
 import logging
+import socket
+import time
+from contextlib import ExitStack
 
 import pytest
 
@@ -27,6 +30,12 @@ def test_runs_on_the_bus_are_listed():
             assert [spec.run for spec in list_runs(client, timeout=5)] == ["a", "b"]
 
 
+def opened(config):
+    """Open the learner's session and close it again."""
+    with open_learner_session(config):
+        pass
+
+
 def test_a_missing_learner_is_reported_with_what_to_check():
     expected = "no learner of the run 'office' answered within 0.3 s"
     with open_client_session(loopback()) as client, pytest.raises(BusError, match=expected):
@@ -36,7 +45,7 @@ def test_a_missing_learner_is_reported_with_what_to_check():
 def test_a_second_learner_on_the_same_port_is_told_so():
     config = loopback()
     with open_learner_session(config), pytest.raises(BusError, match="in use by another process"):
-        open_learner_session(config)
+        opened(config)
 
 
 @pytest.mark.parametrize(
@@ -44,7 +53,7 @@ def test_a_second_learner_on_the_same_port_is_told_so():
 )
 def test_malformed_endpoints_are_refused(endpoint):
     with pytest.raises(BusError, match="an endpoint must be"):
-        open_learner_session(BusConfig(listen=endpoint))
+        opened(BusConfig(listen=endpoint))
     with pytest.raises(BusError, match="an endpoint must be"):
         open_client_session(BusConfig(), [endpoint])
 
@@ -56,7 +65,20 @@ def test_an_endpoint_is_needed():
 
 def test_foreign_addresses_are_refused():
     with pytest.raises(BusError, match="no address"):
-        open_learner_session(BusConfig(listen=f"tcp/192.0.2.1:{free_port()}"))
+        opened(BusConfig(listen=f"tcp/192.0.2.1:{free_port()}"))
+
+
+def test_connections_that_say_nothing_keep_nobody_out():
+    config = loopback()
+    port = int(config.listen.rsplit(":", 1)[1])
+    with open_learner_session(config) as learner, SpecServer(learner, Spec("office", 1, "{}")), ExitStack() as stack:
+        for _ in range(300):
+            stack.enter_context(socket.create_connection(("127.0.0.1", port), 5.0))
+        time.sleep(0.5)
+        began = time.monotonic()
+        with open_client_session(config) as client:
+            assert fetch_spec(client, "office", timeout=20.0).run == "office"
+        assert time.monotonic() - began < 5.0
 
 
 def test_listening_beyond_loopback_without_tls_warns(caplog):
@@ -74,7 +96,7 @@ def test_tls_files_must_exist():
     with pytest.raises(BusError, match="needs certificates"):
         open_client_session(BusConfig(), ["tls/127.0.0.1:7447"])
     with pytest.raises(BusError, match="tls_access needs"):
-        open_learner_session(BusConfig(listen=f"tcp/127.0.0.1:{free_port()}", tls_access="access.json"))
+        opened(BusConfig(listen=f"tcp/127.0.0.1:{free_port()}", tls_access="access.json"))
 
 
 @pytest.mark.parametrize(

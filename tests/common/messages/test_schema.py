@@ -14,6 +14,7 @@ from common.messages.replies import Ack, ControlReply, ControlRequest, Spec
 from common.messages.schema import decode, encode
 from common.messages.stats import ActorStats
 from common.messages.weights import Weights, WeightsNotice
+from common.printable import is_printable
 from tests.common.messages import samples
 
 
@@ -60,7 +61,12 @@ def test_chunks_come_back_unchanged(seed, steps, end, labels, sequence, incarnat
 
 
 @given(
-    st.builds(samples.report, map_name=st.text(max_size=256), distance=st.floats(0, 1e9), version=st.integers(-1, 9))
+    st.builds(
+        samples.report,
+        map_name=st.text(max_size=256).filter(is_printable),
+        distance=st.floats(0, 1e7),
+        version=st.integers(-1, 9),
+    )
 )
 def test_reports_come_back_unchanged(report):
     sent = Delivery("desk-0", 1, 2, report)
@@ -141,6 +147,16 @@ NAN, INF = float("nan"), float("inf")
         (ControlRequest("stop"), "verb", "explode"),
         (ControlRequest("stop"), "arguments", "1"),
         (ControlReply(True, "", {}), "ok", "yes"),
+        (ControlRequest("stop"), "arguments", '{"x": 1e999}'),
+        (ControlRequest("stop"), "arguments", '{"x": ' + "[" * 40 + "]" * 40 + "}"),
+        (SPEC, "config", '{"a": -1e999}'),
+        (STATS, "pid", 2**40),
+        (STATS, "steps_per_second", 1e11),
+        (STATS, "version_age", 1e11),
+        (STATS, "host", "desk\x1b[2J"),
+        (STATS, "state", "acting\nlearner | all is well"),
+        (STATS, "state", "acting\x9b31m"),
+        (STATS, "state", "acting \u202e"),
     ],
 )
 def test_bad_values_are_refused_by_name(message, field, value):
@@ -195,6 +211,13 @@ N = len(DELIVERY.body.observations.utility)
         ("body.labels.remaining", np.array([1.0, 2.0, 1.0], dtype=np.float64)),
         ("body.labels.unseen", np.array([1.0, -1.0, 1.0], dtype=np.float32)),
         ("body.labels.extra", 1),
+        ("body.rewards", np.array([0, 3e38, 0], dtype=np.float32)),
+        ("body.rewards", np.array([0, -2e6, 0], dtype=np.float32)),
+        ("body.versions", np.array([0, 2**60, 0], dtype=np.int64)),
+        ("body.probabilities", np.array([0.5, 1e-40, 0.5], dtype=np.float32)),
+        ("body.labels.cost", DELIVERY.body.labels.cost + np.float32(3e38)),
+        ("body.labels.remaining", np.array([1.0, 2e6, 1.0], dtype=np.float32)),
+        ("body.labels.unseen", np.array([1.0, 3e38, 1.0], dtype=np.float32)),
     ],
 )
 def test_bad_deliveries_are_refused_by_name(field, value):
@@ -206,12 +229,42 @@ def test_bad_deliveries_are_refused_by_name(field, value):
     assert named == f"delivery.{field}" or (hasattr(value, "shape") and named.startswith("delivery.body"))
 
 
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("distance", 1e9),
+        ("reward", 1e12),
+        ("collisions", 2**50),
+        ("duration", 1e9),
+        ("classical_distance", 1e-300),
+        ("classical_distance", 1e9),
+        ("map_name", "rooms\x1b]0;owned\x07"),
+        ("driver", "policy\x1b[1A"),
+        ("simulator", "grid\r"),
+    ],
+)
+def test_bad_reports_are_refused_by_name(field, value):
+    with pytest.raises(MessageError) as caught:
+        decode(change(Delivery("desk-0", 1, 2, samples.report()), f"body.{field}", value), Delivery)
+    assert caught.value.field == f"delivery.body.{field}"
+
+
+def test_texts_for_people_reach_no_terminal_raw():
+    reply = decode(encode(ControlReply(False, "no\x1b[2J", {"state": "a\x1b[31m", "\x07": ["\x9b1A"]})), ControlReply)
+    assert reply == ControlReply(False, "no\\x1b[2J", {"state": "a\\x1b[31m", "\\x07": ["\\x9b1A"]})
+    assert decode(encode(Ack(1, False, 0.0, "\x1b" * 1000, 1)), Ack).error == ("\\x1b" * 1000)[:1000]
+
+
 def test_weights_must_match_their_digest_and_be_finite_floats():
     weights = samples.weights()
     with pytest.raises(MessageError, match="digest: must be that of the tensors"):
         decode(change(weights, "tensors", {"encoder.bias": np.zeros(8, dtype=np.float32)}), Weights)
     with pytest.raises(MessageError, match=r"tensors\.encoder\.bias: must be finite"):
         decode(encode(dataclasses.replace(weights, tensors={"encoder.bias": np.full(8, np.nan, np.float32)})), Weights)
+    with pytest.raises(MessageError, match=r"tensors\.encoder\.bias: must be finite"):
+        decode(
+            encode(Weights.of({"encoder.bias": np.full(8, 3e38, np.float32)}, learner=1, version=1, updates=1)), Weights
+        )
     with pytest.raises(MessageError, match=r"tensors\.x: must be an array of float16"):
         decode(change(weights, "tensors", {"x": np.zeros(2, dtype=np.int32)}), Weights)
     with pytest.raises(TypeError, match="must be float16"):

@@ -26,8 +26,12 @@ def test_schedules(schedule: str, middle: float, end: float) -> None:
 def test_clipping_bounds_the_gradient_and_reports_the_whole() -> None:
     module = nn.Linear(1, 1, bias=False)
     nn.init.zeros_(module.weight)
-    norm = Optimiser(module, 0.5).step(module(torch.tensor([[8.0]])).sum(), 0.1)
+    optimiser = Optimiser(module, 0.5)
+    norm = optimiser.prepare(module(torch.tensor([[8.0]])).sum(), 0.1)
     assert norm.item() == pytest.approx(8.0)
+    assert module.weight.item() == 0.0
+    optimiser.apply()
+    optimiser.apply()
     assert module.weight.grad is not None
     assert module.weight.grad.item() == pytest.approx(0.5, rel=1e-4)
     assert module.weight.item() == pytest.approx(-0.1, rel=1e-4)

@@ -12,6 +12,7 @@ import torch
 from common.config.schema import RunConfig
 from common.errors import CheckpointError
 from common.network.graph_batch import GraphBatch
+from learner.algorithm.base import NotFiniteError
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.cloning import cloning_loss
 from learner.algorithm.factory import make_learner
@@ -244,3 +245,18 @@ def test_the_value_function_learns() -> None:
     batch = replace(known(9, 8), discounts=np.zeros(8, np.float32))
     losses = [learner.update(batch)["loss/value"] for _ in range(150)]
     assert losses[-1] < 0.1 * losses[0]
+
+
+def test_an_update_that_is_not_finite_leaves_weights_and_scales_alone() -> None:
+    learner = PpoLearner(ppo_config(), CPU)
+    learner.update(known(20))
+    before, _ = learner.state()
+    bad = known(21)
+    rewards = bad.rewards.copy()
+    rewards[2] = np.float32(np.nan)
+    with pytest.raises(NotFiniteError) as caught:
+        learner.update(replace(bad, rewards=rewards))
+    assert caught.value.culprits.tolist() == [2]
+    after, _ = learner.state()
+    assert all(torch.equal(before[name], after[name]) for name in before)
+    learner.update(bad)

@@ -12,6 +12,7 @@ import torch
 from common.config.schema import RunConfig
 from common.errors import CheckpointError, ConfigError, WeightsError
 from common.network.graph_batch import GraphBatch
+from learner.algorithm.base import NotFiniteError
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.device import choose_device
 from learner.algorithm.losses import waypoint_marginal
@@ -229,3 +230,41 @@ def test_a_privileged_critic_refuses_steps_without_labels() -> None:
 def test_a_privileged_critic_needs_the_potential_reward() -> None:
     with pytest.raises(ValueError, match="set reward.kind to 'potential'"):
         config(sac={"privileged_critic": True})
+
+
+def poisoned(batch: TransitionBatch, rows: list[int]) -> TransitionBatch:
+    rewards = batch.rewards.copy()
+    rewards[rows] = np.float32(np.inf)
+    return replace(batch, rewards=rewards, next_valid=np.ones(len(batch), dtype=np.bool_))
+
+
+@pytest.mark.parametrize("rows", [[0], [5], [1, 4]])
+def test_an_update_that_is_not_finite_changes_nothing_and_names_the_rows(rows: list[int]) -> None:
+    learner = SacLearner(config(), CPU)
+    good, bad = batches(30, 2)
+    learner.update(good)
+    before, values = learner.state()
+    with pytest.raises(NotFiniteError, match="loss/critic.*not finite") as caught:
+        learner.update(poisoned(bad, rows))
+    assert caught.value.culprits.tolist() == rows
+    after, later = learner.state()
+    assert moved(before, after) == set()
+    assert all(torch.equal(before[name], after[name]) for name in before)
+    assert later["updates"] == values["updates"]
+    assert all(np.isfinite(value) for value in learner.update(bad).values())
+
+
+def test_weights_that_have_diverged_are_no_fault_of_the_data() -> None:
+    learner = SacLearner(config(), CPU)
+    with torch.no_grad():
+        next(iter(learner.critic.parameters())).fill_(float("nan"))
+    with pytest.raises(NotFiniteError) as caught:
+        learner.update(batches(31, 1)[0])
+    assert len(caught.value.culprits) == 0
+
+
+def test_a_batch_without_a_known_successor_is_no_divergence() -> None:
+    learner = SacLearner(config(), CPU)
+    batch = batches(32, 1)[0]
+    alone = replace(batch, next_valid=np.zeros(6, dtype=np.bool_), terminal=np.zeros(6, dtype=np.bool_))
+    assert learner.update(alone)["loss/critic"] == 0.0

@@ -1,8 +1,9 @@
 import json
 
 from learner.run.episodes import EpisodeLog
-from learner.watch.evaluation import EvaluationRounds, PublishedPolicies, Round, Score
+from learner.watch.evaluation import EvaluationRounds, Evaluators, PublishedPolicies, Round, Score
 from tests.learner.experience import episode_report
+from tests.learner.runs import small_config
 
 
 def evaluate(version, name, **changes):
@@ -27,6 +28,56 @@ def test_unfinished_rounds_are_given_up_and_evaluators_counted_apart():
     assert rounds.add("eval-0", 1, evaluate(6, "b")) is None
     assert rounds.add("eval-0", 2, evaluate(6, "a")) is None
     assert rounds.add("eval-1", 1, evaluate(5, "a")) is not None
+
+
+def asked(hosts=(), own=(), certified=(), **bus):
+    config = small_config(learner={"evaluators": list(hosts)}, bus=bus)
+    return Evaluators.of(config, certified, own)
+
+
+TLS = {"tls_ca": "ca.pem", "tls_certificate": "learner.pem", "tls_key": "learner.key", "tls_access": "access.json"}
+
+
+def test_whose_evaluations_count():
+    assert asked().count("anybody-0")
+    assert asked(own=["local"]).count("local-eval-0")
+    assert not asked(own=["local"]).count("desk-0")
+    assert asked(["judge"], own=["local"]).count("judge-3")
+    # With certificates names are true, and so only those count that somebody has named.
+    assert not asked(**TLS, certified=["desk"]).count("desk-0")
+    assert asked(["desk"], **TLS, certified=["desk"]).count("desk-arm-eval-0")
+    assert not asked(["desk"], **TLS, certified=["desk", "desktop"]).count("desktop-0")
+
+
+def test_fifty_invented_reports_choose_nothing(caplog):
+    rounds = EvaluationRounds(2, asked(["judge"]), lambda: 7)
+    for number in range(50):
+        assert rounds.add("desk-0", 1, evaluate(5, f"invented-{number}", distance=0.0)) is None
+    assert rounds.ignored == 50
+    assert caplog.text.count("an evaluation does not count") == 1
+    assert "--set learner.evaluators=desk" in caplog.text
+
+
+def test_versions_and_worlds_that_are_not_the_runs_count_nowhere(caplog):
+    rounds = EvaluationRounds(2, asked(["judge"]), lambda: 7)
+    for name in "ab":
+        assert rounds.add("judge-0", 1, evaluate(8, name)) is None
+        assert rounds.add("judge-0", 1, evaluate(-1, name)) is None
+    assert rounds.ignored == 4
+    rounds.add("judge-0", 1, evaluate(7, "a"))
+    assert rounds.add("judge-0", 1, evaluate(7, "b")) is not None
+    for name in "cd":
+        assert rounds.add("judge-1", 1, evaluate(7, name)) is None
+    assert rounds.ignored == 6
+    assert "never published" in caplog.text
+    assert "other worlds" in caplog.text
+
+
+def test_names_without_end_open_no_rounds_without_end():
+    rounds = EvaluationRounds(2)
+    for number in range(2000):
+        rounds.add(f"eval-{number}", 1, evaluate(1, "a"))
+    assert len(rounds.state()) <= 256
 
 
 def test_success_counts_before_distance():

@@ -27,10 +27,10 @@ def test_every_curve_is_explained_in_the_docs(tmp_path, changes):
         trainer.begin()
         for delivery in episodes(4, labelled="algorithm" in changes):
             trainer.ingest.store(delivery)
+        trainer.publish()
         bodies = [episode_report("evaluate", 1, map_name=name) for name in "ab"] + [episode_report(driver="expert")]
         for delivery in deliver(bodies, actor="eval-0"):
             trainer.ingest.store(delivery)
-        trainer.publish()
         trainer.serve()
         train_some(trainer, 10)
         trainer.close()

@@ -7,6 +7,8 @@ import time
 import pytest
 from rich.console import Console
 
+from common.messages.replies import ControlReply
+from common.messages.schema import decode, encode
 from learner.run.episodes import EpisodeMeans
 from learner.watch.status import ActorStatus, LearnerStatus
 from learner.watch.view import View, line, render
@@ -104,3 +106,41 @@ def test_without_a_terminal_there_are_plain_lines(caplog):
             time.sleep(0.02)
     assert "training, 54,321 steps (122.5/s), 3,394 updates (7.25/s), replay 54%" in caplog.text
     assert console.file.getvalue() == ""
+
+
+def test_thousands_of_actors_come_page_by_page_and_none_twice():
+    actors = [
+        dataclasses.replace(ACTOR, name=f"desk-{number:05d}", host="ü" * 200, state="x" * 200) for number in range(3000)
+    ]
+    status = dataclasses.replace(STATUS, actors=actors)
+    found, after, pages = [], "", 0
+    while True:
+        page = status.page(after)
+        data = encode(ControlReply(True, "", page))
+        body = decode(data, ControlReply).body
+        found += LearnerStatus.from_json(body).actors
+        pages += 1
+        after = page["next"]
+        if not after:
+            break
+    assert found == actors
+    assert pages > 1
+    assert LearnerStatus.from_json(dataclasses.replace(STATUS, actors=[]).page()).actors == []
+
+
+def test_a_status_that_fails_ends_no_view(caplog):
+    caplog.set_level(logging.INFO)
+    times = []
+
+    def status():
+        times.append(1)
+        if len(times) == 1:
+            raise AttributeError("'LearnerStats' object has no attribute 'version_age'")
+        return STATUS
+
+    with View(status, Console(file=io.StringIO()), line_seconds=0.01):
+        deadline = time.monotonic() + 10
+        while "training, 54,321 steps" not in caplog.text and time.monotonic() < deadline:
+            time.sleep(0.01)
+    assert "the view of the learner failed and goes on: AttributeError" in caplog.text
+    assert "training, 54,321 steps" in caplog.text
