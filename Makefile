@@ -22,7 +22,7 @@ $(STAMP): pyproject.toml constraints.txt
 install: $(STAMP)  ## create .venv and install everything into it
 
 run: $(STAMP)  ## train here: a learner, two PyBullet actors and an evaluator, shown live (Ctrl-C ends it, again: goes on)
-	@if [ -d runs/default ]; then $(BIN)/hd-learner resume --actors 2 --evaluators 1; \
+	@if compgen -G 'runs/default/checkpoints/*' >/dev/null; then $(BIN)/hd-learner resume --actors 2 --evaluators 1; \
 	else $(BIN)/hd-learner start --preset workstation --actors 2 --evaluators 1; fi
 
 demo: $(STAMP)  ## a simulated robot explores an office: live in the terminal, a video in runs/demo

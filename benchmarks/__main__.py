@@ -31,6 +31,7 @@ PARTS: dict[str, tuple[str, int | None]] = {
     "updates": ("updates of the learner at batch 64", None),
     "replay": ("the replay buffer", 1),
     "ingest": ("chunks through codec and bus, weights to actors", 1),
+    "acknowledgement": ("what it costs to acknowledge from the disk instead of from memory", 1),
     "memory": ("resident memory of each process of a run", None),
 }
 

@@ -61,15 +61,15 @@ def run(chunks: int = 1000) -> dict[str, float]:
         chunks: messages that each sending process delivers.
     """
     results = _codec()
-    config = BusConfig(listen=f"tcp/127.0.0.1:{_free_port()}")
+    config = BusConfig(listen=f"tcp/127.0.0.1:{free_port()}")
     with (
         open_learner_session(config) as session,
         ExperienceServer(session, RUN, new_incarnation(), lambda *_: 0.0),
         WeightsPublisher(session, RUN) as publisher,
     ):
-        results |= _latency(config)
+        results |= latency(config)
         for processes in (1, 4):
-            seconds = _deliver(config, processes, chunks)
+            seconds = deliver(config, processes, chunks)
             results[f"deliver_chunks_per_s_{processes}_processes"] = processes * chunks / seconds
         results |= _weights(config, publisher)
     return results
@@ -91,7 +91,8 @@ def _codec() -> dict[str, float]:
     }
 
 
-def _latency(config: BusConfig, repeats: int = 300) -> dict[str, float]:
+def latency(config: BusConfig, repeats: int = 300) -> dict[str, float]:
+    """Measure the acknowledgement of one message after another, each sent when the one before has its own."""
     body = chunk()
     times = []
     with open_client_session(config) as session, ExperienceSender(session, RUN, "bench-latency") as sender:
@@ -105,7 +106,7 @@ def _latency(config: BusConfig, repeats: int = 300) -> dict[str, float]:
     return {"ack_ms_p50": 1e3 * float(median), "ack_ms_p99": 1e3 * float(late)}
 
 
-def _deliver(config: BusConfig, processes: int, chunks: int) -> float:
+def deliver(config: BusConfig, processes: int, chunks: int) -> float:
     """Return the seconds from the start signal until every sender has all its acknowledgements."""
     senders = [
         subprocess.Popen(
@@ -179,7 +180,8 @@ def _best(function: Callable[[], object], repeats: int = 200) -> float:
     return min(times)
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """Return a port that nobody listens on."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

@@ -54,6 +54,18 @@ class CheckpointError(HDError):
     """A checkpoint or a run folder is missing, damaged or belongs to another run."""
 
 
+class StorageError(CheckpointError):
+    """The disk refuses what is written, most often because it is full; nothing of it is kept.
+
+    Attributes:
+        needed: bytes that have to find room.
+    """
+
+    def __init__(self, problem: str, needed: int = 0) -> None:
+        super().__init__(problem)
+        self.needed = needed
+
+
 class SimulatorError(HDError):
     """A simulator cannot start or left its valid state."""
 

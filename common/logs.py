@@ -31,9 +31,17 @@ class PrintableFormatter(logging.Formatter):
         return printable(super().format(record), lines=True)
 
 
+class _LogFile(RotatingFileHandler):
+    """A log of bounded size; on a full disk lines are missing from it, and the terminal has them all."""
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - a name of the standard library
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handleError(record)
+
+
 def log_file(path: Path) -> logging.Handler:
     """Return a handler that writes plain lines into a file of bounded size: `path`, then `path`.1 and so on."""
-    handler = RotatingFileHandler(path, maxBytes=MAX_BYTES, backupCount=KEPT_FILES, encoding="utf-8")
+    handler = _LogFile(path, maxBytes=MAX_BYTES, backupCount=KEPT_FILES, encoding="utf-8")
     handler.setFormatter(PrintableFormatter(PLAIN_FORMAT))
     return handler
 

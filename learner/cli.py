@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -17,10 +18,11 @@ from common.cli import CommandApp, add_version, command_errors, completing
 from common.config.describe import to_markdown, to_toml
 from common.config.load import load_config, preset_names
 from common.config.schema import RunConfig
-from common.errors import ConfigError
+from common.errors import CheckpointError, ConfigError, StorageError
 from common.extensions import SIMULATORS
 from common.logs import log_file, setup_logging
 from common.runtime import restart_prepared
+from learner.map_check import check_maps
 from learner.remote_cli import add_remote_commands
 
 app = CommandApp(
@@ -72,6 +74,9 @@ Evaluators = Annotated[
     typer.Option("--evaluators", min=0, help="Evaluating actors to start here; they choose the best.", metavar="N"),
 ]
 Serial = Annotated[bool, typer.Option("--serial", help="Learner and one actor in one process, without a network.")]
+MapsElsewhere = Annotated[
+    bool, typer.Option("--maps-elsewhere", help="Maps lie on the actors' machines: do not look for them here.")
+]
 LogLevel = Annotated[str | None, typer.Option("--log-level", help="debug, info, warning or error.", metavar="LEVEL")]
 
 
@@ -87,11 +92,12 @@ def start(
     evaluators: Evaluators = 0,
     sim: Simulator = None,
     serial: Serial = False,
+    maps_elsewhere: MapsElsewhere = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Delete a run of the same name first.")] = False,
     runs: RunsFolder = RUNS,
     log_level: LogLevel = None,
 ) -> None:
-    """Start a new run.
+    """Start a new run, or one again whose first start came to no checkpoint.
 
     Examples:
     - `hd-learner start --actors 2` trains on this machine alone.
@@ -102,7 +108,8 @@ def start(
     """
     restart_prepared()
     resolved = load_config(config, _all_overrides(overrides, run, listen, sim), os.environ, preset)
-    _run(resolved, runs, actors, evaluators, serial=serial, resume=False, overwrite=overwrite, log_level=log_level)
+    options = RunOptions(actors, evaluators, serial, maps_elsewhere, log_level)
+    _run(resolved, runs, options, resume=False, overwrite=overwrite)
 
 
 @app.command()
@@ -115,6 +122,7 @@ def resume(
     evaluators: Evaluators = 0,
     sim: Simulator = None,
     serial: Serial = False,
+    maps_elsewhere: MapsElsewhere = False,
     runs: RunsFolder = RUNS,
     log_level: LogLevel = None,
 ) -> None:
@@ -133,7 +141,8 @@ def resume(
     resolved = load_config(runs / name / "config.json", _all_overrides(overrides, None, listen, sim), os.environ)
     if resolved.name != name:
         raise ConfigError(f"run {name!r} cannot be renamed to {resolved.name!r}: leave HD_NAME and --set name out")
-    _run(resolved, runs, actors, evaluators, serial=serial, resume=True, overwrite=False, log_level=log_level)
+    options = RunOptions(actors, evaluators, serial, maps_elsewhere, log_level)
+    _run(resolved, runs, options, resume=True, overwrite=False)
 
 
 @app.command()
@@ -259,6 +268,35 @@ def certificates(
         typer.echo(str(path))
 
 
+@app.command()
+@command_errors
+def doctor(
+    run: RunName = None,
+    repair: Annotated[bool, typer.Option("--repair", help="Set aside what cannot be used.")] = False,
+    runs: RunsFolder = RUNS,
+) -> None:
+    """Look for damage and poison in a run that no learner works on: checkpoints, journal, episodes, curves.
+
+    Nothing is thrown away: what is taken out lies in the run's folder under damaged/ and checkpoints/damaged-...
+
+    Examples:
+    - `hd-learner doctor --run office` says what is wrong, and ends with exit code 1 when something is.
+
+    - `hd-learner doctor --run office --repair`
+    """
+    from learner.run.doctor import examine
+
+    name = run or RunConfig().name
+    findings = examine(runs / name, repair=repair)
+    for finding in findings:
+        mark = "set right" if finding.mended else "WRONG" if finding.wrong else "ok"
+        typer.echo(f"{mark:9} {finding.text}")
+    left = sum(finding.wrong and not finding.mended for finding in findings)
+    if left:
+        advice = "see above" if repair else f"take them out with `hd-learner doctor --run {name} --repair`"
+        raise CheckpointError(f"{left} things are wrong in run {name!r}: {advice}")
+
+
 def _yardstick(text: str) -> tuple[str, float]:
     name, _, metres = text.partition("=")
     try:
@@ -273,21 +311,23 @@ def _all_overrides(overrides: list[str] | None, run: str | None, listen: str | N
     return [*(overrides or []), *(f"{path}={value}" for path, value in short.items() if value is not None)]
 
 
-def _run(
-    config: RunConfig,
-    runs: Path,
-    actors: int,
-    evaluators: int,
-    *,
-    serial: bool,
-    resume: bool,
-    overwrite: bool,
-    log_level: str | None,
-) -> None:
-    if serial and (actors or evaluators):
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """What start and resume are told beside the configuration; see their help."""
+
+    actors: int
+    evaluators: int
+    serial: bool
+    maps_elsewhere: bool
+    log_level: str | None
+
+
+def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, overwrite: bool) -> None:
+    if options.serial and (options.actors or options.evaluators):
         raise ConfigError("--serial runs one actor in the learner's own process: leave --actors and --evaluators out")
     console = Console(stderr=True)
-    setup_logging(log_level, console=console if console.is_terminal else None)
+    setup_logging(options.log_level, console=console if console.is_terminal else None)
+    check_maps(config, elsewhere=options.maps_elsewhere)
     # Imported here, so that help and errors of the configuration come at once: torch takes seconds.
     from learner.run.folder import RunFolder
 
@@ -295,26 +335,30 @@ def _run(
     with folder, _log_file(folder.path / "learner.log"):
         if resume:
             folder.reconfigure(config)
-        if serial:
+        if options.serial:
             from learner.serial import run_serial
 
             run_serial(folder, console, resume=resume)
         else:
             from learner.process import Companions, run_learner
 
-            run_learner(folder, Companions(actors, evaluators), console, resume=resume)
+            run_learner(folder, Companions(options.actors, options.evaluators), console, resume=resume)
 
 
 @contextmanager
 def _log_file(path: Path) -> Iterator[None]:
     """Write the log into the run's folder as well."""
-    handler = log_file(path)
+    try:
+        handler = log_file(path)
+    except OSError as error:
+        raise StorageError(f"cannot write {path}: {error.strerror}; make room on the disk") from error
     logging.getLogger().addHandler(handler)
     try:
         yield
     finally:
         logging.getLogger().removeHandler(handler)
-        handler.close()
+        with suppress(OSError):
+            handler.close()
 
 
 add_version(app)

@@ -9,6 +9,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from queue import Empty, SimpleQueue
 from typing import Any
 
@@ -23,7 +24,8 @@ from learner.quarantine import Quarantine
 from learner.ratio import RatioKeeper
 from learner.replay.buffer import Replay
 from learner.run.episodes import EpisodeLog, group_of
-from learner.run.journal import Journal, RecordKind
+from learner.run.journal import Journal
+from learner.run.records import RecordKind
 from learner.watch.evaluation import EvaluationRounds, Evaluators, Round
 from learner.watch.metrics import Means, RateMeter
 
@@ -118,7 +120,7 @@ class Ingest:
             payload: the bytes that it came as; encoded here when not given.
 
         Raises:
-            CheckpointError: when the journal cannot be written; nothing is stored then.
+            StorageError: when the journal cannot be written; nothing is stored then.
             RefusedError: nothing of this actor is taken any more.
         """
         with self._lock:
@@ -174,8 +176,13 @@ class Ingest:
     # --- checkpoints -------------------------------------------------------------------------------------------
 
     def snapshot(self) -> dict[str, Any]:
-        """Note a place in the journal and all counts at that place, ready for JSON."""
+        """Note a place in the journal and all counts at that place, ready for JSON.
+
+        Raises:
+            StorageError: when the disk does not take what belongs before that place.
+        """
         with self._lock:
+            self.episodes.flush()
             self._seen.tidy()
             return {
                 "segment": self._journal.rotate(),
@@ -189,8 +196,9 @@ class Ingest:
             }
 
     def sync(self) -> None:
-        """Bring the journal up to the last snapshot onto the disk."""
+        """Bring journal and episodes up to the last snapshot onto the disk."""
         self._journal.sync()
+        self.episodes.sync()
 
     def forget_before(self, segment: int) -> None:
         """Delete journal segments older than ``segment`` that the replay buffer holds nothing of."""
@@ -232,6 +240,8 @@ class Ingest:
                 if segment >= place:
                     raise
                 logger.error("%s; the replay buffer goes on without the rest of it", error)
+        if self._journal.losses and (missing := missing_deliveries(self._seen)):
+            logger.error("deliveries that the damage has cost: %s", missing)
         if self.poisoned:
             logger.error("%d messages of the journal are not what is taken today, and were set aside", self.poisoned)
         fresh_from = 0 if self._keep_replay and len(self.replay) else int(snapshot["steps"])
@@ -261,6 +271,11 @@ class Ingest:
                 self._take(delivery, segment)
                 counted += 1
         return counted
+
+    @property
+    def nothing_yet(self) -> dict[str, Any]:
+        """The snapshot of a run that has no checkpoint: all that its journal holds counts."""
+        return {"segment": 0, "steps": 0, "episodes": 0, "version": 0, "seen": {"streams": []}, "rounds": []}
 
     def _read_delivery(self, payload: bytes, segment: int) -> Delivery | None:
         """Return a delivery of the journal, None when it is not what may be stored today."""
@@ -337,3 +352,13 @@ class Ingest:
         else:
             record.episodes += 1
             record.version = body.version
+
+
+def missing_deliveries(seen: SeenSet) -> str:
+    """Name the deliveries between others of the same actor that were never stored; empty when there are none."""
+    gaps = []
+    for (actor, incarnation), ranges in sorted(seen.streams().items()):
+        missing = [f"{end} to {first - 1}" for (_, end), (first, _) in pairwise(ranges)]
+        if missing:
+            gaps.append(f"{actor} (incarnation {incarnation}) {', '.join(missing)}")
+    return "; ".join(gaps)

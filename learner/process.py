@@ -15,12 +15,14 @@ from rich.console import Console
 from common.bus.control import ControlServer
 from common.bus.experience import ExperienceServer
 from common.bus.liveness import PresenceWatcher, declare_presence
-from common.bus.session import new_incarnation, open_learner_session
-from common.bus.spec import SpecServer
+from common.bus.session import new_incarnation, open_learner_session, wait_for_routers
+from common.bus.spec import SpecServer, specs_of
 from common.bus.stats import StatsTable, publish_stats
 from common.bus.weights import WeightsPublisher
 from common.closing import Closing
 from common.config.names import module_names
+from common.config.schema import RunConfig
+from common.errors import BusError
 from common.messages.replies import Spec
 from common.messages.weights import Weights
 from common.runtime import cores_left, limit_threads
@@ -42,6 +44,8 @@ logger = logging.getLogger(__name__)
 
 LEARNER = "learner"
 STATS_SECONDS = 1.0
+ROUTER_SECONDS = 3.0
+SECOND_SECONDS = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +89,7 @@ class Link(Closing):
                 run,
                 learner,
                 trainer.ingest.store,
+                when_durable=trainer.commit.when_synced if config.journal.acknowledge == "disk" else None,
             )
         )
         enter(ControlServer(session, run, Control(trainer, self.status)))
@@ -123,6 +128,7 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
     with contextlib.ExitStack() as stack:
         # The bus comes first: a port that is taken is found before the networks are made.
         session = stack.enter_context(open_learner_session(config.bus))
+        refuse_second_learner(session, config, learner)
         device = choose_device(config.learner.device)
         warm_up(config, device)
         publisher = stack.enter_context(WeightsPublisher(session, config.name))
@@ -145,6 +151,8 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
             trainer.begin()
         reporter = Reporter(trainer, str(algorithm.device), config.bus.listen)
         link = stack.enter_context(Link(session, trainer, learner, reporter))
+        # Once more, now that others see this one: of two that started together neither has seen the other before.
+        refuse_second_learner(session, config, learner)
         logger.info("run %s listens on %s", config.name, config.bus.listen)
         for local in _local_actors(run, companions):
             stack.enter_context(local)
@@ -153,6 +161,27 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
             train(trainer)
         words = "is complete" if trainer.complete else "was stopped"
         logger.info("run %s %s after %d updates", config.name, words, trainer.keeper.updates)
+
+
+def refuse_second_learner(session: zenoh.Session, config: RunConfig, learner: int) -> None:
+    """Look for another learner of the run on the network.
+
+    Args:
+        session: of this learner.
+        config: of the run.
+        learner: incarnation of this learner.
+
+    Raises:
+        BusError: there is one: actors would deliver to either, and each would train on a part.
+    """
+    if config.bus.connect and not wait_for_routers(session, ROUTER_SECONDS):
+        logger.warning("none of the routers %s answers yet: going on without", ", ".join(config.bus.connect))
+    others = [spec for spec in specs_of(session, config.name, SECOND_SECONDS) if spec.learner != learner]
+    if others:
+        raise BusError(
+            f"another learner of run {config.name!r} works on this network: stop it first "
+            f"(`hd-learner stop --run {config.name}`), or start this one under another --run"
+        )
 
 
 def _local_actors(run: RunFolder, companions: Companions) -> list[LocalActors]:

@@ -12,6 +12,7 @@ import logging
 from rich.console import Console
 
 from actors.collector import Collector
+from common.errors import StorageError
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.runtime import limit_threads
 from learner.algorithm.base import Algorithm, PublishedVersion
@@ -50,6 +51,8 @@ class SerialTrainer(Trainer):
     def data_is_ready(self) -> bool:
         """Run episodes until the ratio allows the next update; return whether it does."""
         assert self._collector is not None, "collect_here comes first"
+        if self._wait_for_room():
+            return False
         while not (ready := self._may_learn()) and not self.finished:
             if self._version is not None:
                 version, self._version = self._version, None
@@ -67,8 +70,15 @@ class SerialTrainer(Trainer):
         self._version = version
 
     def _deliver(self, body: Chunk | EpisodeReport) -> None:
-        self.ingest.store(Delivery(ACTOR, self._incarnation, self._sequence, body))
+        delivery = Delivery(ACTOR, self._incarnation, self._sequence, body)
         self._sequence += 1
+        while not self.stopping:
+            try:
+                self.ingest.store(delivery)
+                return
+            except StorageError:
+                while self._wait_for_room() and not self.stopping:
+                    pass
 
 
 def run_serial(run: RunFolder, console: Console, *, resume: bool) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from common.errors import CheckpointError
+from common.errors import CheckpointError, StorageError
 from common.network.parameters import with_features
 from common.policy_file import PolicyCard, portable_sources, read_weights
 from learner.algorithm.base import Algorithm, NotFiniteError, PublishedVersion
@@ -25,9 +25,12 @@ from learner.replay.draw import draw_batch
 from learner.run.best import BestPolicy
 from learner.run.checkpoints import CheckpointStore
 from learner.run.code_state import code_state, commit_of
+from learner.run.disk import DiskWatch
 from learner.run.episodes import EpisodeLog
-from learner.run.folder import RunFolder
+from learner.run.folder import RunFolder, has_begun
+from learner.run.group_commit import GroupCommit
 from learner.run.journal import Journal
+from learner.watch.evaluation import Round
 from learner.watch.recorder import LOG_EVERY, Recorder
 
 logger = logging.getLogger(__name__)
@@ -68,8 +71,10 @@ class Trainer:
         self.keeper = RatioKeeper(
             config.learner.updates_per_step, config.learner.ratio_tolerance, config.replay.min_steps
         )
+        self.disk = DiskWatch(run.path)
         self.checkpoints = CheckpointStore(run.checkpoints, config.checkpoints.keep)
-        self._journal = Journal(run.journal)
+        self._journal = Journal(run.journal, disk=self.disk)
+        self.commit = GroupCommit(self._journal, config.journal.sync_seconds)
         self._rng = np.random.default_rng([config.seed, 2])
         self.best = BestPolicy(self.checkpoints, self.card)
         self._published_at: OrderedDict[int, float] = OrderedDict()
@@ -83,6 +88,8 @@ class Trainer:
         self._checkpoints_made = 0
         self._stop = threading.Event()
         self._warned_unlabelled = False
+        self._unpublished = False
+        self._rounds: list[Round] = []
         self._evaluated = -1
         self.waiting = False
         self.ingest: Ingest
@@ -91,10 +98,13 @@ class Trainer:
     # --- beginning and end -------------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Begin a new run: nothing collected, nothing learnt but what an initial policy knows, a first checkpoint.
+        """Begin a run: nothing learnt but what an initial policy knows, and a first checkpoint.
+
+        What the journal holds counts, when the run was begun before and came to no checkpoint.
 
         Raises:
             CheckpointError: the initial policy cannot be read.
+            StorageError: the disk refuses the run's files; it may refuse the checkpoint, which waits for room.
             WeightsError: it does not fit the configured network.
         """
         if self.config.learner.initial_policy is not None:
@@ -103,14 +113,21 @@ class Trainer:
             logger.info("training goes on from the policy of run %s, %d updates", card.run, card.updates)
         self._open_records(episodes_length=0, updates=0)
         self.recorder.write_text("config", f"```json\n{self.config.model_dump_json(indent=2)}\n```")
-        self.checkpoint()
+        if len(self._journal.segments()) > 1:
+            self.ingest.rebuild(self.ingest.nothing_yet, updates=0)
+        self._first_checkpoint()
 
     def resume(self) -> None:
-        """Continue from the newest sound checkpoint and the journal.
+        """Continue from the newest sound checkpoint and the journal; begin when there has never been a checkpoint.
 
         Raises:
-            CheckpointError: when no checkpoint is usable, or the journal behind it is damaged.
+            CheckpointError: when no checkpoint is usable, or the journal behind it is of another release.
+            StorageError: the disk refuses what has to be written for that.
         """
+        if not has_begun(self.run.path):
+            logger.info("run %s has no checkpoint yet: it begins again", self.config.name)
+            self.begin()
+            return
         checkpoint = self.checkpoints.load_newest()
         try:
             document = checkpoint.document
@@ -145,12 +162,13 @@ class Trainer:
         if hasattr(self, "recorder"):
             self.recorder.close()
             self.ingest.episodes.close()
+        self.commit.close()
         self._journal.close()
 
     def _open_records(self, episodes_length: int, updates: int) -> None:
-        episodes = EpisodeLog(self.run.episodes, episodes_length)
+        episodes = EpisodeLog(self.run.episodes, episodes_length, self.disk)
         self.ingest = Ingest(self.config, self.replay, self.keeper, self._journal, episodes, self._evaluators)
-        self.recorder = Recorder(self.run.tensorboard, self.ingest, updates)
+        self.recorder = Recorder(self.run.tensorboard, self.ingest, updates, self.disk)
 
     # --- the stages of the loop --------------------------------------------------------------------------------
 
@@ -165,8 +183,11 @@ class Trainer:
         return self.keeper.updates >= self.config.learner.total_updates
 
     def data_is_ready(self) -> bool:
-        """Wait a moment for the data and the ratio that the next update needs; return whether they are there."""
-        ready = self.ingest.wait(self._may_learn, _WAIT_SECONDS)
+        """Wait a moment for the data and the ratio that the next update needs; return whether they are there.
+
+        While the disk of the run is full they are not: what would be learnt could not be kept.
+        """
+        ready = not self._wait_for_room() and self.ingest.wait(self._may_learn, _WAIT_SECONDS)
         self.waiting = not ready
         return ready
 
@@ -197,9 +218,14 @@ class Trainer:
         return True
 
     def publish(self) -> None:
-        """Send the newest policy to the actors under a new version number."""
+        """Send the newest policy to the actors under a new version number; later, when the disk refuses to note it."""
         version = self.ingest.version + 1
-        self.ingest.note_version(version)
+        try:
+            self.ingest.note_version(version)
+        except StorageError:
+            self._unpublished = True
+            return
+        self._unpublished = False
         updates = self.keeper.updates
         averaged = self.algorithm.policy_weights(averaged=True) if self.config.learner.average_decay else None
         published = PublishedVersion(version, updates, self.algorithm.policy_weights(averaged=False), averaged)
@@ -221,13 +247,25 @@ class Trainer:
             self.recorder.write()
 
     def serve(self) -> None:
-        """Do what has become due besides updates: the best policy, a checkpoint by the clock or by command."""
-        for finished in self.ingest.finished_rounds():
-            self._evaluated = max(self._evaluated, finished.version)
-            self.best.consider(finished)
-            self.recorder.write_evaluation(finished)
-        if self._checkpoint_wanted.is_set() or (time.monotonic() >= self._checkpoint_at and self._has_news()):
-            self.checkpoint()
+        """Do what has become due besides updates: the best policy, a checkpoint by the clock or by command.
+
+        What the disk refuses stays due until there is room.
+        """
+        self._rounds += self.ingest.finished_rounds()
+        if self.disk.holds():
+            return
+        try:
+            while self._rounds:
+                self.best.consider(self._rounds[0])
+                finished = self._rounds.pop(0)
+                self._evaluated = max(self._evaluated, finished.version)
+                self.recorder.write_evaluation(finished)
+            if self._unpublished:
+                self.publish()
+            if self._checkpoint_wanted.is_set() or (time.monotonic() >= self._checkpoint_at and self._has_news()):
+                self.checkpoint()
+        except StorageError as error:
+            self.disk.refused(error)
 
     def evaluation_is_ready(self) -> bool:
         """Wait a moment for the evaluation of the final policy; return True once there is nothing to wait for.
@@ -241,13 +279,15 @@ class Trainer:
         return time.monotonic() - self.ingest.evaluated_at > _EVALUATOR_SECONDS
 
     def checkpoint(self) -> str:
-        """Write a checkpoint, drop what it makes superfluous and return its name."""
+        """Write a checkpoint, drop what it makes superfluous and return its name.
+
+        Raises:
+            StorageError: when the disk refuses it; the one before stays, and the journal with it.
+        """
         began = time.monotonic()
-        self._checkpoint_wanted.clear()
         snapshot = self.ingest.snapshot()
         self.ingest.sync()
         updates = self.keeper.updates
-        self._checkpointed = (updates, snapshot["steps"])
         tensors, document = self.algorithm.state()
         for_export = self.algorithm.policy_weights(averaged=bool(self.config.learner.average_decay))
         card = asdict(self.card(snapshot["version"], updates))
@@ -266,6 +306,8 @@ class Trainer:
                 "policy": {name: value for name, value in card.items() if name not in ("network", "mapping")},
             },
         )
+        self._checkpointed = (updates, snapshot["steps"])
+        self._checkpoint_wanted.clear()
         self.ingest.forget_before(self._oldest_place())
         self.recorder.flush()
         self._schedule_checkpoint()
@@ -319,6 +361,8 @@ class Trainer:
             return "complete"
         if self.stopping:
             return "stopping"
+        if self.disk.full:
+            return "disk full"
         if self.keeper.paused:
             return "paused"
         if self.waiting:
@@ -361,6 +405,23 @@ class Trainer:
         )
 
     # --- parts -------------------------------------------------------------------------------------------------
+
+    def _wait_for_room(self) -> bool:
+        """Wait a moment when the disk is full; return whether it was."""
+        if not self.disk.holds():
+            return False
+        time.sleep(_WAIT_SECONDS)
+        return True
+
+    def _first_checkpoint(self) -> None:
+        while True:
+            try:
+                self.checkpoint()
+                return
+            except StorageError as error:
+                self.disk.refused(error)
+            while self._wait_for_room():
+                pass
 
     def _may_learn(self) -> bool:
         if self._stop.is_set() or not self.keeper.may_update():

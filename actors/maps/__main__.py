@@ -102,6 +102,20 @@ def show(
 
 @app.command()
 @command_errors
+def check(
+    sources: Annotated[list[str], typer.Argument(help="Folders, files or generators, as in maps.train.")],
+    task: Annotated[str, typer.Option(help="Name of a task; some need maps with a target.")] = "exploration",
+    scale: Annotated[float | None, typer.Option(help="Metres per pixel, instead of the sources' own.")] = None,
+) -> None:
+    """Open sources of maps and load the first world of each.
+
+    Example: python -m actors.maps check generator:rooms maps/train
+    """
+    open_sources(sources, scale, task)
+
+
+@app.command()
+@command_errors
 def write(
     source: Annotated[str, typer.Argument(help="generator:NAME[?key=value&...], or a folder.")],
     out: Annotated[Path, typer.Option(help="Folder for the PNG maps; made when missing.")],

@@ -21,7 +21,8 @@ class QueryServer(Closing):
 
     Zenoh's receiving threads only put queries into a queue. A query is finished, answered or not, when `answer`
     returns; an exception in it is logged and leaves the query unanswered, so that the asker tries again. Whatever
-    happens to one query, the thread goes on to the next.
+    happens to one query, the thread goes on to the next. An `answer` that returns True keeps the query, to reply to it
+    and to drop it later from any thread.
 
     Usage::
 
@@ -33,7 +34,7 @@ class QueryServer(Closing):
         self,
         session: zenoh.Session,
         key: str,
-        answer: Callable[[zenoh.Query], None],
+        answer: Callable[[zenoh.Query], bool | None],
         *,
         threads: int = 1,
         max_waiting: int = 4096,
@@ -76,10 +77,11 @@ class QueryServer(Closing):
     def _work(self) -> None:
         while (item := self._waiting.get()) is not None:
             query, size = item
-            # A query whose answer failed is finished, and must not be touched: even its key raises an error then.
-            with self._complaints, query:
-                if not self._closed:
-                    self._answer(query)
+            kept: bool | None = False
+            with self._complaints:
+                kept = not self._closed and self._answer(query)
+            if not kept:
+                query.drop()
             with self._lock:
                 self._bytes -= size
             # Without this the last query stays alive, and unanswered in its asker's eyes, until the next one.

@@ -6,6 +6,7 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 
 import zenoh
 
@@ -40,12 +41,21 @@ class ExperienceServer(Closing):
             pause. The same delivery may come several times, and is to be stored once. Called from one thread, one
             delivery at a time. A RefusedError goes to the actor, which gives the delivery up; after any other error
             nothing is acknowledged and the actor tries again.
+        when_durable: calls back, from another thread, once everything stored so far has reached the disk (True) or
+            been refused by it (False); messages are acknowledged after that. At once when not given.
     """
 
     def __init__(
-        self, session: zenoh.Session, run: str, learner: int, store: Callable[[Delivery, bytes], float]
+        self,
+        session: zenoh.Session,
+        run: str,
+        learner: int,
+        store: Callable[[Delivery, bytes], float],
+        *,
+        when_durable: Callable[[Callable[[bool], None]], None] | None = None,
     ) -> None:
         self._learner = learner
+        self._when_durable = when_durable
         self._store = store
         self.acknowledged = 0
         """Deliveries acknowledged since the start, repeated ones included."""
@@ -59,7 +69,8 @@ class ExperienceServer(Closing):
         """Stop receiving; actors keep what is not acknowledged. Safe to call twice."""
         self._server.close()
 
-    def _answer(self, query: zenoh.Query) -> None:
+    def _answer(self, query: zenoh.Query) -> bool:
+        """Take one query; return whether it is kept until the disk has what it brought."""
         sender = last_part(str(query.key_expr))
         try:
             data = _payload(query)
@@ -69,14 +80,28 @@ class ExperienceServer(Closing):
             ack = self._take(delivery, data)
         except (MessageError, RefusedError) as error:
             self._refuse(query, sender, error)
-            return
-        query.reply(query.key_expr, encode(ack))
+            return False
+        if self._when_durable is None or not ack.stored:
+            query.reply(query.key_expr, encode(ack))
+            return False
+        self._when_durable(partial(self._acknowledge, query, ack))
+        return True
+
+    def _acknowledge(self, query: zenoh.Query, ack: Ack, durable: bool) -> None:
+        with query:
+            if not durable:
+                ack = Ack(ack.sequence, False, STORE_FAILED_HOLD, "", self._learner)
+            query.reply(query.key_expr, encode(ack))
 
     def _take(self, delivery: Delivery, data: bytes) -> Ack:
         try:
             hold = min(max(float(self._store(delivery, data)), 0.0), MAX_HOLD)
         except RefusedError:
             raise
+        except HDError as error:
+            # Whoever stores says once what is wrong; a full disk would fill the log too.
+            log.debug("message %d of %s is not stored: %s", delivery.sequence, delivery.actor, error)
+            return Ack(delivery.sequence, False, STORE_FAILED_HOLD, "", self._learner)
         except Exception:
             log.exception("message %d of %s could not be stored", delivery.sequence, delivery.actor)
             return Ack(delivery.sequence, False, STORE_FAILED_HOLD, "", self._learner)

@@ -7,6 +7,7 @@ import json
 import logging
 import secrets
 import socket
+import time
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -103,6 +104,16 @@ def _warn_of_strangers(listen: str, config: BusConfig) -> None:
             "make certificates with 'hd-learner certificates', or listen on 127.0.0.1",
             listen,
         )
+
+
+def wait_for_routers(session: zenoh.Session, timeout: float) -> bool:
+    """Wait until a session is linked to a router; return whether it is in time, seconds."""
+    deadline = time.monotonic() + timeout
+    while not session.info.routers_zid():
+        if time.monotonic() >= deadline:
+            return False
+        time.sleep(0.05)
+    return True
 
 
 def open_client_session(config: BusConfig, connect: Iterable[str] | None = None) -> zenoh.Session:

@@ -7,7 +7,7 @@ import logging
 import zenoh
 
 from common.bus.keys import ALL_SPECS, Keys
-from common.bus.query import QueryServer, ask_until_answered
+from common.bus.query import QueryServer, ask, ask_until_answered
 from common.errors import BusError, MessageError
 from common.messages.replies import Spec
 from common.messages.schema import decode, encode
@@ -47,6 +47,15 @@ def fetch_spec(session: zenoh.Session, run: str, timeout: float) -> Spec:
         f"no learner of the run {run!r} answered within {timeout:g} s: check that 'hd-learner start --run {run}' is "
         "running and that the endpoint is right"
     )
+
+
+def specs_of(session: zenoh.Session, run: str, timeout: float) -> list[Spec]:
+    """Return the specifications of all learners of one run that answer now, asking once; there should be one."""
+    found = []
+    for reply in ask(session, Keys(run).spec, timeout, everybody=True):
+        if reply.ok is not None:
+            found.append(decode(reply.ok.payload.to_bytes(), Spec))
+    return found
 
 
 def list_runs(session: zenoh.Session, timeout: float = 2.0) -> list[Spec]:

@@ -415,6 +415,18 @@ class CheckpointConfig(Section):
     """Save the replay buffer too, so that resuming continues with the same data."""
 
 
+class JournalConfig(Section):
+    """The journal of what actors deliver."""
+
+    acknowledge: Literal["disk", "memory"] = "disk"
+    """When a delivery is acknowledged: once it is on the disk, so that a power failure loses nothing that was
+    acknowledged, or at once, so that it may lose what came within the last `sync_seconds`. The death of the learner's
+    process loses nothing either way."""
+    sync_seconds: Annotated[float, Field(gt=0.0, le=1.0)] = 0.05
+    """Least time between two syncs of the disk; all deliveries that come meanwhile share one. Much below
+    `bus.ack_timeout`, after which actors send again."""
+
+
 class ActorConfig(Section):
     """Actors."""
 
@@ -501,6 +513,8 @@ class RunConfig(Section):
     """Training loop."""
     checkpoints: CheckpointConfig = Field(default_factory=CheckpointConfig)
     """Checkpoints."""
+    journal: JournalConfig = Field(default_factory=JournalConfig)
+    """The journal."""
     actor: ActorConfig = Field(default_factory=ActorConfig)
     """Actors."""
     bus: BusConfig = Field(default_factory=BusConfig)

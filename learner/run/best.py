@@ -81,5 +81,9 @@ class BestPolicy:
             document = self._checkpoints.load(name).document
             self._score = Score.of(document["evaluation"])
             self.version = int(document["version"])
-        except (CheckpointError, KeyError, TypeError) as error:
-            logger.error("the next evaluation counts as the best: %s", error)
+        except (CheckpointError, KeyError, TypeError, ValueError) as error:
+            aside = self._checkpoints.set_aside(name)
+            self._checkpoints.mend_pointers()
+            logger.error(
+                "the best policy is set aside in %s, and the next evaluation counts as the best: %s", aside, error
+            )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import os
@@ -15,8 +16,8 @@ import torch
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
-from common.errors import CheckpointError
-from learner.run.files import file_digest, replace_text, sync_path, to_json
+from common.errors import CheckpointError, StorageError
+from learner.run.files import file_digest, make_folder, replace_text, sync_path, to_json
 
 logger = logging.getLogger(__name__)
 
@@ -24,6 +25,7 @@ FORMAT = 1
 _MANIFEST = "manifest.json"
 _DOCUMENT = "state.json"
 _TENSORS = "tensors.safetensors"
+_REPLACED = ".replaced.tmp"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +47,8 @@ class CheckpointStore:
     """Checkpoints of one run: `<folder>/<update>/`, the pointers `last` and `best`, old ones pruned.
 
     A checkpoint is written under a temporary name, synced and renamed, so a folder with a proper name is complete. Its
-    manifest holds size and SHA-256 of each file; loading checks them.
+    manifest holds size and SHA-256 of each file; loading checks them. A pointer that is damaged or lost is put right
+    from the folders that are there.
 
     Args:
         folder: made when missing.
@@ -58,35 +61,76 @@ class CheckpointStore:
         self._keep = keep
         if not writer:
             return
-        folder.mkdir(parents=True, exist_ok=True)
-        for leftover in folder.glob(".*.tmp"):
-            shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
+        try:
+            make_folder(folder)
+            for replaced in folder.glob(f".*{_REPLACED}"):
+                self._put_back(replaced)
+            for leftover in folder.glob(".*.tmp"):
+                shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
+            self.mend_pointers()
+        except OSError as error:
+            raise StorageError(f"cannot prepare {folder}: {error.strerror}; make room on the disk") from error
 
     def names(self) -> list[str]:
         """Names of the training checkpoints, oldest first."""
-        return sorted(path.name for path in self.folder.iterdir() if path.is_dir() and path.name.isdigit())
+        return sorted(path.name for path in self.folder.glob("[0-9]*") if path.is_dir() and path.name.isdigit())
 
     def save(self, update: int, tensors: Mapping[str, torch.Tensor], document: Mapping[str, Any]) -> Path:
-        """Write a checkpoint, let `last` point at it and prune; the same update again replaces its folder."""
+        """Write a checkpoint, let `last` point at it and prune; the same update again replaces its folder.
+
+        Raises:
+            StorageError: when the disk refuses it; the checkpoints then are as they were.
+        """
         target = self._write(f"{update:09d}", tensors, document)
-        replace_text(self.folder / "last", target.name + "\n")
+        self._point("last", target.name)
         for name in self.names()[: -self._keep]:
             self._remove(name)
         return target
 
     def save_best(self, version: int, tensors: Mapping[str, torch.Tensor], document: Mapping[str, Any]) -> Path:
-        """Write the policy of the best evaluation so far and let `best` point at it; the one before goes."""
+        """Write the policy of the best evaluation so far and let `best` point at it; the one before goes.
+
+        Raises:
+            StorageError: when the disk refuses it; the one before stays.
+        """
         target = self._write(f"policy-{version:09d}", tensors, document)
-        replace_text(self.folder / "best", target.name + "\n")
+        self._point("best", target.name)
         for path in self.folder.glob("policy-*"):
             if path.name != target.name:
                 self._remove(path.name)
         return target
 
     def pointer(self, which: str) -> str | None:
-        """Name that `last` or `best` points at, None where there is none yet."""
-        path = self.folder / which
-        return path.read_text("utf-8").strip() if path.is_file() else None
+        """Name that `last` or `best` points at, None where there is none yet.
+
+        A pointer that names no checkpoint is reported, and the newest one there is taken.
+        """
+        known, name = self._known(which), self._read_pointer(which)
+        if which not in self.damaged_pointers():
+            return name
+        newest = known[-1] if known else None
+        logger.error(
+            "%s is damaged: it names no checkpoint; taking the newest there is, %s", self.folder / which, newest
+        )
+        return newest
+
+    def damaged_pointers(self) -> list[str]:
+        """Names of the pointers that name no checkpoint, or are missing although there is one."""
+        wrong = []
+        for which in ("last", "best"):
+            known, name = self._known(which), self._read_pointer(which)
+            if name not in known and (known or name is not None):
+                wrong.append(which)
+        return wrong
+
+    def mend_pointers(self) -> None:
+        """Let damaged pointers name the newest checkpoint that there is, and delete those that nothing is left for."""
+        for which in self.damaged_pointers():
+            name = self.pointer(which)
+            if name is None:
+                (self.folder / which).unlink(missing_ok=True)
+            else:
+                self._point(which, name)
 
     def document(self, name: str) -> dict[str, Any]:
         """Read the plain values of a checkpoint alone, unchecked."""
@@ -128,19 +172,36 @@ class CheckpointStore:
             raise CheckpointError(f"no checkpoint in {self.folder} is usable: {'; '.join(problems)}")
         raise CheckpointError(f"there is no checkpoint in {self.folder}: start the run anew with --overwrite")
 
+    def damaged(self) -> dict[str, str]:
+        """Return what is wrong with each checkpoint, and with each best policy, that cannot be loaded, by its name."""
+        problems = {}
+        for name in [*self.names(), *self._policies()]:
+            try:
+                self._check(self.folder / name)
+            except CheckpointError as error:
+                problems[name] = str(error)
+        return problems
+
+    def set_aside(self, name: str) -> Path:
+        """Rename a checkpoint or a best policy that cannot be used to `damaged-...`; return where it lies now."""
+        aside = self.folder / f"damaged-{name}"
+        shutil.rmtree(aside, ignore_errors=True)
+        (self.folder / name).rename(aside)
+        return aside
+
     def set_aside_after(self, name: str) -> None:
         """Rename the checkpoints newer than ``name``, which a resumed run has passed over, to `damaged-...`."""
         for other in self.names():
             if other > name:
-                aside = self.folder / f"damaged-{other}"
-                shutil.rmtree(aside, ignore_errors=True)
-                (self.folder / other).rename(aside)
+                self.set_aside(other)
 
     def _write(self, name: str, tensors: Mapping[str, torch.Tensor], document: Mapping[str, Any]) -> Path:
+        target = self.folder / name
         temporary = self.folder / f".{name}.{os.getpid()}.tmp"
+        replaced = self.folder / f".{name}{_REPLACED}"
         shutil.rmtree(temporary, ignore_errors=True)
-        temporary.mkdir()
         try:
+            temporary.mkdir()
             plain = {key: value.detach().cpu().contiguous().clone() for key, value in tensors.items()}
             save_file(plain, temporary / _TENSORS)
             (temporary / _DOCUMENT).write_text(to_json(document), "utf-8")
@@ -152,23 +213,55 @@ class CheckpointStore:
             for path in temporary.iterdir():
                 sync_path(path)
             sync_path(temporary)
-            target = self.folder / name
             if target.exists():
-                self._remove(name)
+                target.rename(replaced)
             temporary.rename(target)
-        except OSError as error:
+            sync_path(self.folder)
+            shutil.rmtree(replaced, ignore_errors=True)
+        except (OSError, SafetensorError) as error:
             shutil.rmtree(temporary, ignore_errors=True)
-            raise CheckpointError(
-                f"cannot write checkpoint {self.folder / name}: {error}; make room on the disk"
+            self._put_back(replaced)
+            needed = 2 * sum(tensor.nbytes for tensor in tensors.values())
+            raise StorageError(
+                f"cannot write checkpoint {self.folder / name}: {error}; make room on the disk", needed
             ) from error
-        sync_path(self.folder)
         return target
 
+    def _put_back(self, replaced: Path) -> None:
+        """Bring a folder back that was taken away for a new one which then did not take its place."""
+        target = self.folder / replaced.name.removeprefix(".").removesuffix(_REPLACED)
+        with contextlib.suppress(CheckpointError, OSError):
+            if not target.exists():
+                self._check(replaced)
+                replaced.rename(target)
+
+    def _known(self, which: str) -> list[str]:
+        return self.names() if which == "last" else self._policies()
+
+    def _read_pointer(self, which: str) -> str | None:
+        path = self.folder / which
+        try:
+            return path.read_text("utf-8").strip() if path.exists() else None
+        except (OSError, UnicodeDecodeError):
+            return ""
+
+    def _policies(self) -> list[str]:
+        """Names of the best policies, oldest version first: one, or two while one is being replaced."""
+        return sorted(path.name for path in self.folder.glob("policy-*") if path.is_dir())
+
+    def _point(self, which: str, name: str) -> None:
+        try:
+            replace_text(self.folder / which, name + "\n")
+        except OSError as error:
+            raise StorageError(
+                f"cannot write {self.folder / which}: {error.strerror}; make room on the disk", len(name)
+            ) from error
+
     def _remove(self, name: str) -> None:
-        """Take a folder out of sight at one stroke, then delete it."""
-        doomed = self.folder / f".{name}.{os.getpid()}.old.tmp"
+        """Take a folder out of sight at one stroke, then delete it; what cannot be deleted goes at the next start."""
+        doomed = self.folder / f".{name}.{os.getpid()}.tmp"
         (self.folder / name).rename(doomed)
-        shutil.rmtree(doomed)
+        shutil.rmtree(doomed, ignore_errors=True)
 
     def _check(self, folder: Path) -> None:
         try:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
+import logging
 import os
 import shutil
 import time
@@ -12,14 +14,18 @@ from pathlib import Path
 from common.closing import Closing
 from common.config.load import resolve
 from common.config.schema import RunConfig
-from common.errors import CheckpointError, LockedError
+from common.errors import CheckpointError, LockedError, StorageError
 from common.file_lock import FileLock
 from learner.run.code_state import write_code_state
-from learner.run.files import replace_text, sync_path, to_json
+from learner.run.files import make_folder, remove_leftovers, replace_text, sync_path, to_json
 
-# Of runs of an earlier format the policies can be exported, but the experience cannot be read any more.
+logger = logging.getLogger(__name__)
+
 # 2: viewpoints lie anywhere and edges are lists. 3: steps carry probabilities, labels the way that remains.
-FORMAT = 3
+# 4: records of the journal can be found again behind damage.
+FORMAT = 4
+OLDEST_CONTINUED = 3
+"""Of runs of an earlier format the policies can be exported, but the experience cannot be read any more."""
 _MARKER = "run.json"
 
 
@@ -35,6 +41,7 @@ class RunFolder(Closing):
     `tensorboard/`            curves
     `checkpoints/`            see `CheckpointStore`
     `journal/`                see `Journal`
+    `damaged/`                bytes that could not be read any more
     ========================  ===================================================================
 
     Make one with `create` or `open`; `close` (or leaving a `with` block) gives the lock back.
@@ -47,7 +54,7 @@ class RunFolder(Closing):
 
     @classmethod
     def create(cls, root: Path, config: RunConfig, *, overwrite: bool = False) -> RunFolder:
-        """Make the folder of a new run.
+        """Make the folder of a new run, or take one again whose first start came to no checkpoint.
 
         Args:
             root: folder of all runs.
@@ -56,8 +63,14 @@ class RunFolder(Closing):
 
         Raises:
             CheckpointError: when the folder exists and may not be overwritten, or a learner works on it.
+            StorageError: when the disk refuses it; nothing is left of it then.
         """
         path = root / config.name
+        if path.exists() and not overwrite and not has_begun(path):
+            logger.info("run %s has no checkpoint: it begins again, with what its journal holds", config.name)
+            run = cls.open(root, config.name)
+            run.reconfigure(config)
+            return run
         if path.exists():
             if not overwrite:
                 raise CheckpointError(
@@ -65,23 +78,35 @@ class RunFolder(Closing):
                     f"{config.name}`, choose another --run, or delete it with --overwrite"
                 )
             _delete_run(path)
+        return cls._make(root, config)
+
+    @classmethod
+    def _make(cls, root: Path, config: RunConfig) -> RunFolder:
+        path = root / config.name
         temporary = root / f".{config.name}.{os.getpid()}.tmp"
-        shutil.rmtree(temporary, ignore_errors=True)
-        temporary.mkdir(parents=True)
-        write_code_state(temporary, "code")
-        (temporary / "config.json").write_text(config.model_dump_json(indent=2) + "\n", "utf-8")
-        marker = {"format": FORMAT, "created": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
-        (temporary / _MARKER).write_text(to_json(marker), "utf-8")
-        lock = _take_lock(temporary)
+        lock = None
         try:
-            temporary.rename(path)
-        except OSError:
-            lock.close()
+            make_folder(root)
+            _clear_unfinished(root, config.name)
+            temporary.mkdir()
+            write_code_state(temporary, "code")
+            (temporary / "config.json").write_text(_config_text(config), "utf-8")
+            marker = {"format": FORMAT, "created": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
+            (temporary / _MARKER).write_text(to_json(marker), "utf-8")
+            for file in temporary.iterdir():
+                sync_path(file)
+            lock = lock_run(temporary)
+            sync_path(temporary)
+            if not _take_name(temporary, path):
+                raise CheckpointError(f"another learner has just started run {config.name!r}: choose another --run")
+            sync_path(root)
+        except (OSError, CheckpointError) as error:
+            if lock is not None:
+                lock.close()
             shutil.rmtree(temporary, ignore_errors=True)
-            raise CheckpointError(
-                f"another learner has just started run {config.name!r}: choose another --run"
-            ) from None
-        sync_path(root)
+            if isinstance(error, CheckpointError):
+                raise
+            raise _cannot_write(path, error) from error
         return cls(path, config, lock)
 
     @classmethod
@@ -91,10 +116,21 @@ class RunFolder(Closing):
         Raises:
             CheckpointError: when there is no such run, an earlier release began it, its configuration is damaged, or a
                 learner works on it.
+            StorageError: when the disk refuses what has to be written for that.
         """
         path = root / name
-        check_run(path, to_continue=True)
-        return cls(path, read_config(path), _take_lock(path))
+        written = check_run(path, to_continue=True)
+        config = read_config(path)
+        try:
+            lock = lock_run(path)
+            remove_leftovers(path)
+            if written < FORMAT:
+                # From here on the journal has records that earlier releases cannot read.
+                marker = json.loads((path / _MARKER).read_text("utf-8"))
+                replace_text(path / _MARKER, to_json({**marker, "format": FORMAT}))
+        except OSError as error:
+            raise _cannot_write(path, error) from error
+        return cls(path, config, lock)
 
     @property
     def checkpoints(self) -> Path:
@@ -121,21 +157,38 @@ class RunFolder(Closing):
         if config == self.config:
             return
         number = 1 + len(list(self.path.glob("config.*.json")))
-        replace_text(self.path / f"config.{number}.json", self.config.model_dump_json(indent=2) + "\n")
-        replace_text(self.path / "config.json", config.model_dump_json(indent=2) + "\n")
+        try:
+            replace_text(self.path / f"config.{number}.json", _config_text(self.config))
+            replace_text(self.path / "config.json", _config_text(config))
+        except OSError as error:
+            raise _cannot_write(self.path, error) from error
         self.config = config
 
     def note_code(self, update: int) -> None:
         """Write the state of the code that continues the run from ``update`` on."""
-        write_code_state(self.path, f"code.from-{update:09d}")
+        try:
+            write_code_state(self.path, f"code.from-{update:09d}")
+        except OSError as error:
+            raise _cannot_write(self.path, error) from error
 
     def close(self) -> None:
         """Give the lock back; safe to call twice."""
         self._lock.close()
 
 
-def check_run(path: Path, *, to_continue: bool = False) -> None:
-    """Raise CheckpointError unless ``path`` is the folder of a run that this software can read.
+def has_begun(path: Path) -> bool:
+    """Whether the run in ``path`` has ever had a checkpoint; without one, a start or a resume begins it again.
+
+    True as well for a folder that is no run, which nothing may be written into.
+    """
+    if not (path / _MARKER).is_file():
+        return True
+    checkpoints = path / "checkpoints"
+    return any(checkpoints.glob("[0-9]*")) or any(checkpoints.glob("damaged-*"))
+
+
+def check_run(path: Path, *, to_continue: bool = False) -> int:
+    """Raise CheckpointError unless ``path`` is the folder of a run that this software can read; return its format.
 
     Args:
         path: folder of the run.
@@ -151,12 +204,14 @@ def check_run(path: Path, *, to_continue: bool = False) -> None:
         raise CheckpointError(f"{path / _MARKER} is damaged: {error!r}") from error
     if written not in range(1, FORMAT + 1):
         raise CheckpointError(f"run {path} has format {written}, this software reads format {FORMAT} and earlier ones")
-    if to_continue and written < FORMAT:
+    if to_continue and written < OLDEST_CONTINUED:
         raise CheckpointError(
-            f"run {path} has format {written}, and this software cannot read experience from before format {FORMAT}: "
+            f"run {path} has format {written}, and this software cannot read experience from before format "
+            f"{OLDEST_CONTINUED}: "
             f"resume it with the release that began it, or export its policy (`hd-learner export --run {path.name}`) "
             "and begin a new run from that (`hd-learner start --run NEW --set learner.initial_policy=FILE`)"
         )
+    return int(written)
 
 
 def read_config(path: Path) -> RunConfig:
@@ -167,7 +222,47 @@ def read_config(path: Path) -> RunConfig:
         raise CheckpointError(f"{path / 'config.json'} cannot be read: {error}") from error
 
 
-def _take_lock(path: Path) -> FileLock:
+def _config_text(config: RunConfig) -> str:
+    return config.model_dump_json(indent=2) + "\n"
+
+
+def _cannot_write(path: Path, error: OSError) -> StorageError:
+    return StorageError(f"cannot write the run's folder {path}: {error.strerror}; make room, or choose another --runs")
+
+
+def _take_name(temporary: Path, path: Path) -> bool:
+    """Give a folder its final name; return False when another has it."""
+    try:
+        temporary.rename(path)
+    except OSError as error:
+        if error.errno in (errno.EEXIST, errno.ENOTEMPTY):
+            return False
+        raise
+    return True
+
+
+def _clear_unfinished(root: Path, name: str) -> None:
+    """Delete the folders that killed processes of this machine left while they made or deleted the run."""
+    for leftover in root.glob(f".{name}.*.tmp"):
+        owner = leftover.name.removeprefix(f".{name}.").split(".")[0]
+        if owner.isdigit() and not _is_running(int(owner)):
+            shutil.rmtree(leftover, ignore_errors=True)
+
+
+def _is_running(process: int) -> bool:
+    if process == os.getpid():
+        return False
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+def lock_run(path: Path) -> FileLock:
+    """Take the lock of the run in ``path``; raise CheckpointError when a learner works on it."""
     try:
         return FileLock(path / "lock")
     except LockedError as error:
@@ -184,6 +279,6 @@ def _delete_run(path: Path) -> None:
             f"{path} is not the folder of a run, so it stays: choose another --run or remove it yourself"
         )
     doomed = path.with_name(f".{path.name}.{os.getpid()}.old.tmp")
-    with _take_lock(path), contextlib.suppress(FileNotFoundError):
+    with lock_run(path), contextlib.suppress(FileNotFoundError):
         path.rename(doomed)
         shutil.rmtree(doomed)

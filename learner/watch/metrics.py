@@ -8,7 +8,13 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from torch.utils.tensorboard import SummaryWriter
+from tensorboard.compat.proto.event_pb2 import Event, SessionLog
+from tensorboard.compat.proto.summary_pb2 import Summary, SummaryMetadata
+from tensorboard.compat.proto.tensor_pb2 import TensorProto
+
+from common.closing import Closing
+from learner.run.disk import DiskWatch
+from learner.watch.event_file import EventFile
 
 
 class RateMeter:
@@ -77,30 +83,40 @@ class Means:
             self._sums = {name: (float(total), int(count)) for name, (total, count) in state.items()}
 
 
-class Curves:
+class Curves(Closing):
     """Writes TensorBoard scalars; the horizontal axis is the number of updates.
 
     Args:
         folder: where the event files go.
         update: updates so far; what an earlier process wrote beyond it is hidden, since it is trained again.
+        disk: is told when the disk refuses points; they wait then.
+
+    Raises:
+        StorageError: when the disk refuses the file.
     """
 
-    def __init__(self, folder: Path, update: int = 0) -> None:
-        self._writer = SummaryWriter(str(folder), purge_step=update + 1 if update else None, flush_secs=30)
+    def __init__(self, folder: Path, update: int = 0, disk: DiskWatch | None = None) -> None:
+        self._file = EventFile(folder, disk or DiskWatch(folder))
+        if update:
+            self._file.add(Event(step=update + 1, session_log=SessionLog(status=SessionLog.START)))
 
     def write(self, update: int, values: Mapping[str, float]) -> None:
         """Write one point of each curve."""
-        for name, value in values.items():
-            self._writer.add_scalar(name, value, update)
+        points = [Summary.Value(tag=name, simple_value=value) for name, value in values.items()]
+        self._file.add(Event(step=update, summary=Summary(value=points)))
 
     def text(self, name: str, content: str) -> None:
         """Write a text, such as the configuration."""
-        self._writer.add_text(name, content)
+        what = SummaryMetadata(plugin_data=SummaryMetadata.PluginData(plugin_name="text"))
+        data = TensorProto(dtype="DT_STRING", string_val=[content.encode()])
+        value = Summary.Value(tag=f"{name}/text_summary", metadata=what, tensor=data)
+        self._file.add(Event(summary=Summary(value=[value])))
 
     def flush(self) -> None:
-        """Bring all points to the files."""
-        self._writer.flush()
+        """Bring all points onto the disk, those that waited for room included."""
+        self._file.flush()
+        self._file.sync()
 
     def close(self) -> None:
         """Flush and close; safe to call twice."""
-        self._writer.close()
+        self._file.close()

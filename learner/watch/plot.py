@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import CheckpointError, ConfigError
+from learner.run.episodes import read_episodes
 
 TRAINING_WINDOW = 50
 LEAST_WINDOW = 10
@@ -52,7 +52,7 @@ def read_curves(episodes: Path, window: int = TRAINING_WINDOW) -> tuple[Curve, C
     """
     if not episodes.is_file():
         raise CheckpointError(f"{episodes} does not exist: name a run that has begun with --run")
-    rows = [json.loads(line) for line in episodes.read_text("utf-8").splitlines()]
+    rows = [values for values, _ in read_episodes(episodes)]
     if not rows:
         raise CheckpointError(f"{episodes} has no finished episode yet: wait for the first")
     began = float(rows[0]["time"])

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from learner.ingest import Ingest
+from learner.run.disk import DiskWatch
 from learner.run.episodes import GROUPS
 from learner.watch.evaluation import Round
 from learner.watch.metrics import Curves, Means, RateMeter
@@ -22,10 +23,11 @@ class Recorder:
         folder: of the TensorBoard events.
         ingest: what collecting has brought.
         update: updates so far; see `Curves`.
+        disk: is told when the disk refuses something.
     """
 
-    def __init__(self, folder: Path, ingest: Ingest, update: int = 0) -> None:
-        self._curves = Curves(folder, update)
+    def __init__(self, folder: Path, ingest: Ingest, update: int = 0, disk: DiskWatch | None = None) -> None:
+        self._curves = Curves(folder, update, disk)
         self._ingest = ingest
         self._figures = Means()
         self._means = Means()

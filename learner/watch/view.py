@@ -33,6 +33,7 @@ _STATE_STYLE = {
     "waiting": "yellow",
     "paused": "bold magenta",
     "stopping": "bold red",
+    "disk full": "bold red",
 }
 _GROUP_TITLE = {"train": "policy, training", "expert": "expert, training", "evaluate": "evaluation"}
 

@@ -8,6 +8,7 @@ from learner.cli import app
 
 COMMANDS = [
     "start", "resume", "status", "stop", "checkpoint", "export", "config", "certificates", "pause", "unpause",
+    "doctor",
 ]  # fmt: skip
 
 
@@ -40,6 +41,13 @@ def test_config_prints_what_it_reads_back(tmp_path):
         (("start", "--serial", "--actors", "2"), "leave --actors"),
         (("resume", "--run", "absent", "--runs", "{folder}"), "there is no run 'absent'"),
         (("export", "--run", "absent", "--runs", "{folder}"), "there is no run 'absent'"),
+        (("start", "--runs", "{folder}", "--set", "maps.train=generator:romms"), "did you mean 'rooms'"),
+        (("start", "--runs", "{folder}", "--set", "maps.validation=/nowhere#validation"), "--maps-elsewhere"),
+        (
+            ("start", "--runs", "{folder}", "--set", "maps.train=generator:romms", "--maps-elsewhere", "--serial"),
+            "did you mean 'rooms'",
+        ),
+        (("doctor", "--run", "absent", "--runs", "{folder}"), "there is no run 'absent'"),
         (("status", "--connect", "nonsense", "--timeout", "0.2"), "an endpoint must be"),
         (("status", "--connect", "tcp/127.0.0.1:9", "--timeout", "0.2"), "no learner answers"),
         (("stop", "--run", "office", "--connect", "tcp/127.0.0.1:9", "--timeout", "0.2"), "no learner of the run"),
@@ -51,6 +59,7 @@ def test_errors_are_one_clear_line(arguments, words, tmp_path, monkeypatch):
     assert result.exit_code == 1
     assert words in result.output
     assert "Traceback" not in result.output
+    assert not list(tmp_path.iterdir())
 
 
 def test_certificates_are_listed_as_they_are_made(tmp_path):

@@ -14,7 +14,8 @@ from learner.quarantine import STRIKES
 from learner.ratio import RatioKeeper
 from learner.replay.buffer import Replay
 from learner.run.episodes import EpisodeLog
-from learner.run.journal import Journal, RecordKind
+from learner.run.journal import Journal
+from learner.run.records import RecordKind
 from tests.learner.experience import deliver, episode_report
 from tests.learner.runs import episodes, small_config
 

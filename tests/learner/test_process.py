@@ -203,6 +203,45 @@ def test_a_taken_port_is_one_clear_line(learner):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_a_start_that_failed_or_was_interrupted_blocks_no_later_one(learner):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        for listen, words in ((endpoint, "is in use"), ("tcp/nowhere", "an endpoint must be")):
+            done = learner.run("start", "--run", "test", "--listen", listen)
+            assert done.returncode == 1 and words in done.stderr and "Traceback" not in done.stderr
+    learner.launch("start")
+    assert until(lambda: "preparing the kernels" in learner.log.read_text())
+    time.sleep(0.5)
+    learner.process.send_signal(signal.SIGINT)
+    assert learner.process.wait(60.0) == 130, learner.log.read_text()
+    assert "Traceback" not in learner.log.read_text()
+    # The one that `make run` gives, and any other, goes on where there is nothing to go on with.
+    learner.launch("resume")
+    assert until(lambda: "has no checkpoint yet: it begins again" in learner.log.read_text())
+    assert until(lambda: "listens on" in learner.log.read_text()), learner.log.read_text()
+    assert learner.status()["state"] == "collecting"
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_a_second_learner_of_a_run_on_one_network_is_refused(learner):
+    learner.launch("start")
+    assert until(lambda: learner.log.is_file() and "listens on" in learner.log.read_text())
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{found.getsockname()[1]}"
+    connect = ("--listen", endpoint, "--set", f"bus.connect={learner.endpoint}", "--runs", "elsewhere")
+    done = learner.run("start", "--run", "test", *connect)
+    assert done.returncode == 1
+    assert "another learner of run 'test' works on this network: stop it first" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert learner.status()["run"] == "test"
+
+
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="asks Linux for a signal at the parent's death")
 def test_a_tethered_command_ends_with_its_killed_parent():
     program = (

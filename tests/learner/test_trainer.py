@@ -1,5 +1,6 @@
 import json
 import logging
+import shutil
 import threading
 import time
 
@@ -14,6 +15,7 @@ from common.policy_file import read_policy
 from learner.loop import train
 from learner.run.export import export_policy
 from learner.run.folder import RunFolder
+from learner.run.records import scan
 from tests.learner.experience import deliver, episode_report
 from tests.learner.runs import POOL, PPO, episodes, make_trainer, small_config, train_some
 
@@ -111,6 +113,52 @@ def test_a_damaged_newest_checkpoint_costs_updates_but_no_data(tmp_path, caplog)
         again.checkpoint()
         again.close()
         assert (run.checkpoints / "damaged-000000012").is_dir()
+
+
+@pytest.mark.parametrize("again", ["start", "resume"])
+def test_a_run_without_a_checkpoint_begins_again_with_its_journal(tmp_path, again):
+    with new_run(tmp_path) as run:
+        trainer, _ = make_trainer(run)
+        trainer.begin()
+        for delivery in episodes(3):
+            trainer.ingest.store(delivery)
+        trainer.publish()
+        trainer.close()
+        shutil.rmtree(run.checkpoints)
+    with RunFolder.open(tmp_path, "test") if again == "resume" else new_run(tmp_path) as run:
+        trainer, published = make_trainer(run)
+        trainer.resume() if again == "resume" else trainer.begin()
+        assert (trainer.keeper.steps, trainer.ingest.episode_count, len(trainer.replay)) == (24, 3, 24)
+        for delivery in episodes(3):
+            trainer.ingest.store(delivery)
+        trainer.publish()
+        assert (trainer.keeper.steps, published[-1].version) == (24, 2)
+        assert trainer.checkpoints.names() == ["000000000"]
+        trainer.close()
+        assert len(run.episodes.read_text().splitlines()) == 3
+
+
+def test_one_bad_bit_in_the_newest_segment_costs_one_delivery_and_is_told(tmp_path, caplog):
+    with new_run(tmp_path) as run:
+        trainer, _ = make_trainer(run)
+        trainer.begin()
+        for delivery in episodes(20):
+            trainer.ingest.store(delivery)
+        trainer.close()
+        (segment,) = run.journal.iterdir()
+        content = bytearray(segment.read_bytes())
+        # The first chunk of the second episode.
+        place = [found.start for found in scan(segment)][3]
+        content[place + 200] ^= 1
+        segment.write_bytes(content)
+    with RunFolder.open(tmp_path, "test") as run:
+        trainer, _ = make_trainer(run)
+        trainer.resume()
+        assert (trainer.keeper.steps, trainer.ingest.episode_count) == (20 * 8 - 4, 20)
+        assert "record 3 (damaged)" in caplog.text
+        assert "deliveries that the damage has cost: desk-0 (incarnation 7) 3 to 3" in caplog.text
+        train_some(trainer, 2)
+        trainer.close()
 
 
 def test_a_checkpoint_of_another_network_is_refused_with_its_name(tmp_path):

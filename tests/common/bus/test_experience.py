@@ -12,7 +12,7 @@ from common.bus.experience import ExperienceSender, ExperienceServer
 from common.bus.query import ask
 from common.bus.seen import SeenSet
 from common.bus.session import open_client_session, open_learner_session
-from common.errors import RefusedError
+from common.errors import RefusedError, StorageError
 from common.messages.codec import pack
 from common.messages.experience import Delivery
 from common.messages.replies import Ack
@@ -169,6 +169,57 @@ def test_a_slow_learner_is_no_unreadable_one(sessions, caplog):
     assert set(order) == {0, 1}
     assert "does not answer" in caplog.text
     assert "cannot be read" not in caplog.text
+
+
+def test_nothing_is_acknowledged_before_the_disk_has_it(sessions):
+    learner, client = sessions
+    store, waiting = Store(), []
+    with (
+        ExperienceServer(learner, "run", 5, store, when_durable=waiting.append),
+        ExperienceSender(client, "run", "desk-0") as sender,
+    ):
+        sender.send(samples.report())
+        assert eventually(lambda: waiting)
+        time.sleep(0.1)
+        assert (len(store.deliveries), sender.acknowledged) == (1, 0)
+        waiting.pop()(True)
+        assert sender.flush(10)
+        for _ in range(10):
+            sender.send(samples.report())
+        # One slow sync delays no other delivery: all that the window lets through are stored meanwhile.
+        assert eventually(lambda: len(waiting) == 10)
+        assert (len(store.deliveries), sender.acknowledged) == (11, 1)
+        for tell in waiting:
+            tell(True)
+        assert sender.flush(10)
+        assert sender.acknowledged == 11
+
+
+def test_what_the_disk_refuses_comes_again_and_is_stored_once(sessions):
+    learner, client = sessions
+    store, answers = Store(), [False, True]
+    with (
+        ExperienceServer(learner, "run", 5, store, when_durable=lambda tell: tell(answers.pop(0))) as server,
+        ExperienceSender(client, "run", "desk-0") as sender,
+    ):
+        sender.send(samples.report())
+        assert sender.flush(10)
+        assert (len(store.deliveries), server.acknowledged, sender.acknowledged) == (1, 2, 1)
+
+
+def test_a_refusal_of_the_disk_is_no_traceback(sessions, caplog):
+    learner, client = sessions
+    problems = [StorageError("no room")] * 2
+
+    def store(delivery, payload):
+        if problems:
+            raise problems.pop()
+        return 0.0
+
+    with ExperienceServer(learner, "run", 5, store), ExperienceSender(client, "run", "desk-0") as sender:
+        sender.send(samples.report())
+        assert sender.flush(10)
+    assert not problems and "Traceback" not in caplog.text and "no room" not in caplog.text
 
 
 def test_actors_are_told_to_pause(sessions):

@@ -74,6 +74,33 @@ def test_a_damaged_newest_checkpoint_is_named_and_the_one_before_used(tmp_path, 
     assert (tmp_path / "damaged-000000002").is_dir()
 
 
+@pytest.mark.parametrize("damage", [b"", bytes(4096), b"\xff\xfe", b"../../secret", None], ids=str)
+def test_damaged_pointers_are_put_right_from_what_is_there(tmp_path, damage, caplog):
+    store = CheckpointStore(tmp_path, keep=3)
+    for update in (1, 2):
+        store.save(update, tensors(update), {})
+        store.save_best(update * 10, tensors(update), {"version": update})
+    for which in ("last", "best"):
+        (tmp_path / which).unlink() if damage is None else (tmp_path / which).write_bytes(damage)
+    beside = CheckpointStore(tmp_path, keep=3, writer=False)
+    assert (beside.pointer("last"), beside.pointer("best")) == ("000000002", "policy-000000020")
+    assert "is damaged" in caplog.text
+    CheckpointStore(tmp_path, keep=3)
+    assert (tmp_path / "last").read_text() == "000000002\n"
+    assert (tmp_path / "best").read_text() == "policy-000000020\n"
+
+
+def test_a_checkpoint_that_was_being_replaced_comes_back(tmp_path):
+    store = CheckpointStore(tmp_path, keep=3)
+    store.save(1, tensors(1), {"n": 1})
+    # The writer died between taking the old folder away and putting the new one in its place.
+    (tmp_path / "000000001").rename(tmp_path / ".000000001.replaced.tmp")
+    assert CheckpointStore(tmp_path, keep=3).load_newest().document == {"n": 1}
+    store.save(1, tensors(2), {"n": 2})
+    assert {path.name for path in tmp_path.iterdir()} == {"000000001", "last"}
+    assert store.load_newest().document == {"n": 2}
+
+
 def test_no_usable_checkpoint_is_an_error(tmp_path):
     store = CheckpointStore(tmp_path, keep=3)
     with pytest.raises(CheckpointError, match="there is no checkpoint"):

@@ -1,4 +1,5 @@
 import json
+import os
 import subprocess
 import sys
 
@@ -24,12 +25,44 @@ def test_a_run_is_never_overwritten_without_being_told(tmp_path):
     config = RunConfig(name="a")
     with RunFolder.create(tmp_path, config) as run:
         (run.path / "episodes.jsonl").write_text("precious\n")
+        (run.checkpoints / "000000000").mkdir(parents=True)
     with pytest.raises(CheckpointError, match=r"exists already.*resume --run a.*--overwrite"):
         RunFolder.create(tmp_path, config)
     assert (tmp_path / "a" / "episodes.jsonl").read_text() == "precious\n"
     with RunFolder.create(tmp_path, config, overwrite=True) as run:
         assert not run.episodes.exists()
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+def test_a_run_without_a_checkpoint_begins_again_with_its_journal(tmp_path):
+    with RunFolder.create(tmp_path, RunConfig(name="a", seed=1)) as run:
+        run.journal.mkdir()
+        (run.journal / "precious").write_text("records")
+    with RunFolder.create(tmp_path, RunConfig(name="a", seed=2)) as run:
+        assert run.config.seed == 2
+        assert (run.journal / "precious").exists()
+        assert json.loads((run.path / "config.1.json").read_text())["seed"] == 1
+        run.checkpoints.mkdir()
+        (run.checkpoints / "damaged-000000000").mkdir()
+    with pytest.raises(CheckpointError, match="exists already"):
+        RunFolder.create(tmp_path, RunConfig(name="a"))
+
+
+def test_what_killed_starts_left_is_cleared(tmp_path):
+    left = tmp_path / ".a.4194305.tmp"  # beyond the largest process number of Linux
+    left.mkdir()
+    other = tmp_path / f".a.{os.getppid()}.tmp"
+    other.mkdir()
+    RunFolder.create(tmp_path, RunConfig(name="a")).close()
+    assert not left.exists() and other.exists()
+
+
+def test_a_run_of_format_3_is_continued_and_marked(tmp_path):
+    with RunFolder.create(tmp_path, RunConfig(name="a")) as run:
+        marker = json.loads((run.path / "run.json").read_text())
+        (run.path / "run.json").write_text(json.dumps(marker | {"format": 3}))
+    RunFolder.open(tmp_path, "a").close()
+    assert json.loads((tmp_path / "a" / "run.json").read_text()) == marker | {"format": 4}
 
 
 def test_overwriting_never_deletes_what_is_no_run(tmp_path):
@@ -95,9 +128,9 @@ def test_a_run_of_an_earlier_format_can_be_exported_but_not_continued(tmp_path, 
         RunFolder.open(tmp_path, "a")
 
 
-@pytest.mark.parametrize("written", [0, 4, "1", None])
+@pytest.mark.parametrize("written", [0, 5, "1", None])
 def test_a_run_of_an_unknown_format_is_refused(tmp_path, written):
     RunFolder.create(tmp_path, RunConfig(name="a")).close()
     (tmp_path / "a" / "run.json").write_text(json.dumps({"format": written}))
-    with pytest.raises(CheckpointError, match="this software reads format 3 and earlier ones"):
+    with pytest.raises(CheckpointError, match="this software reads format 4 and earlier ones"):
         check_run(tmp_path / "a")

@@ -116,10 +116,10 @@ def test_policies_under_evaluation_outlive_the_others():
 def test_episodes_are_one_line_each_and_means_are_kept_by_group(tmp_path):
     log = EpisodeLog(tmp_path / "episodes.jsonl")
     assert log.means("train") is None
-    log.append(episode_report(distance=100.0), actor="a-0")
+    log.append(episode_report(distance=100.0), time=1.0, updates=0, actor="a-0")
     length = log.length
-    log.append(episode_report(distance=300.0), actor="a-0")
-    log.append(episode_report(driver="expert", distance=50.0), actor="a-0")
+    log.append(episode_report(distance=300.0), time=1.0, updates=0, actor="a-0")
+    log.append(episode_report(driver="expert", distance=50.0), time=1.0, updates=0, actor="a-0")
     log.close()
     lines = [json.loads(line) for line in (tmp_path / "episodes.jsonl").read_text().splitlines()]
     assert [line["distance"] for line in lines] == [100.0, 300.0, 50.0]

@@ -12,7 +12,8 @@ from learner.watch.plot import read_curves
 def row(time, role="train", version=1, distance=100.0, success=True, driver="policy"):
     return {
         "time": time, "actor": "desk-0", "updates": 10 * version, "role": role, "driver": driver, "version": version,
-        "distance": distance, "success": success,
+        "distance": distance, "success": success, "task": "exploration", "map_name": "a", "simulator": "grid",
+        "steps": 9, "explored": 1.0, "reward": 1.0, "collisions": 0, "duration": 1.0,
     }  # fmt: skip
 
 

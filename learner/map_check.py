@@ -1,0 +1,69 @@
+"""Looks at the sources of maps before a run begins: a typo should end the start, not every actor later."""
+
+from __future__ import annotations
+
+import logging
+import subprocess
+
+from common.config.schema import RunConfig
+from common.errors import ConfigError
+from common.extensions import GENERATOR_PREFIX
+from common.runtime import python_module
+
+logger = logging.getLogger(__name__)
+
+_SECONDS = 120.0
+_MARK = "error: "
+
+
+def check_maps(config: RunConfig, *, elsewhere: bool = False) -> None:
+    """Open every source of training and validation worlds once.
+
+    That is the actors' business, whose code the learner does not import: the command `python -m actors.maps check` does
+    it in a process of its own.
+
+    Args:
+        config: of the run.
+        elsewhere: maps lie on the actors' machines, so only generators are looked at.
+
+    Raises:
+        ConfigError: a source cannot be used.
+    """
+    for task in config.tasks:
+        families = [family for family in config.mix if family.serves(task.name)]
+        specs = [
+            source
+            for evaluate in (False, True)
+            for family in families
+            for source in config.sources(family, task.name, evaluate=evaluate)
+        ]
+        _check(
+            [spec for spec in dict.fromkeys(specs) if spec.startswith(GENERATOR_PREFIX) or not elsewhere],
+            task.name,
+            config,
+        )
+
+
+def _check(specs: list[str], task: str, config: RunConfig) -> None:
+    if not specs:
+        return
+    command = python_module("actors.maps", "check", "--task", task)
+    if config.maps.metres_per_pixel is not None:
+        command += ["--scale", str(config.maps.metres_per_pixel)]
+    done = subprocess.run(
+        [*command, "--", *specs],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=_SECONDS,
+        check=False,
+    )
+    if done.returncode == 0:
+        return
+    said = [line for line in done.stderr.splitlines() if line.strip()]
+    problem = next((line.removeprefix(_MARK) for line in said if line.startswith(_MARK)), None)
+    if problem is None:
+        # The check itself failed, for example without the packages that actors need.
+        logger.warning("the maps could not be looked at here: %s", said[-1] if said else "the check said nothing")
+        return
+    raise ConfigError(f"maps of the run: {problem}. Where maps lie on the actors' machines alone, add --maps-elsewhere")

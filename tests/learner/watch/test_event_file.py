@@ -1,0 +1,69 @@
+import os
+
+import pytest
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from learner.watch import event_file
+from learner.watch.event_file import PATTERN, mend_events
+from learner.watch.metrics import Curves
+
+
+def curves(folder, points=20):
+    written = Curves(folder)
+    written.text("config", "the configuration")
+    for update in range(points):
+        written.write(update, {"loss": float(update)})
+    written.close()
+    (file,) = folder.glob(PATTERN)
+    return file
+
+
+def steps(folder):
+    read = EventAccumulator(str(folder))
+    read.Reload()
+    return [event.step for event in read.Scalars("loss")]
+
+
+def test_tensorboard_reads_scalars_and_texts(tmp_path):
+    curves(tmp_path)
+    read = EventAccumulator(str(tmp_path))
+    read.Reload()
+    assert [(event.step, event.value) for event in read.Scalars("loss")] == [(i, float(i)) for i in range(20)]
+    assert read.Tensors("config/text_summary")[0].tensor_proto.string_val == [b"the configuration"]
+
+
+def test_flushed_points_survive_a_power_failure(tmp_path, monkeypatch):
+    synced = []
+    monkeypatch.setattr(event_file, "sync_descriptor", lambda descriptor: synced.append(os.fstat(descriptor).st_size))
+    written = Curves(tmp_path)
+    written.write(1, {"loss": 1.0})
+    assert synced == []
+    written.flush()
+    (file,) = tmp_path.glob(PATTERN)
+    assert synced == [file.stat().st_size]
+    written.close()
+
+
+@pytest.mark.parametrize("damage", ["bit", "zeros", "torn"])
+def test_damage_in_the_middle_hides_nothing_behind_it(tmp_path, damage):
+    folder = tmp_path / "tensorboard"
+    file = curves(folder)
+    content = bytearray(file.read_bytes())
+    middle = len(content) // 2
+    if damage == "bit":
+        content[middle] ^= 4
+    elif damage == "zeros":
+        content[middle : middle + 100] = bytes(100)
+    else:
+        del content[-5:]
+    file.write_bytes(content)
+    before = steps(folder)
+    lost = mend_events(file, tmp_path / "damaged", dry=True)
+    assert 0 < lost < 200 and file.read_bytes() == content
+    assert mend_events(file, tmp_path / "damaged") == lost
+    after = steps(folder)
+    assert len(after) >= 16 and set(after) >= set(before)
+    if damage != "torn":
+        assert after[-1] == 19 > before[-1]
+    assert sum(kept.stat().st_size for kept in (tmp_path / "damaged").iterdir()) == lost
+    assert mend_events(file, tmp_path / "damaged") == 0
