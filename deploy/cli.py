@@ -18,7 +18,7 @@ from common.bus.control import request
 from common.bus.fleet import Answers, bridges_at, command_all
 from common.cli import CommandApp, add_version, command_errors
 from common.config.describe import to_markdown, to_toml
-from common.errors import BusError
+from common.errors import BusError, ConfigError
 from common.logs import setup_logging
 from common.tasks import NAVIGATION, find_task
 from deploy.bridge.words import CommandError, parse, release_of
@@ -120,13 +120,64 @@ def bridge(
     run_bridge(resolved)
 
 
+@app.command()
+@command_errors
+def relay(
+    profile: Profile = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    name: RobotName = None,
+    listen: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--listen",
+            help="Be the Zenoh router at this endpoint. [default: where the bridge connects to, ros.connect]",
+            metavar="ENDPOINT",
+        ),
+    ] = None,
+    join: Annotated[
+        list[str] | None,
+        typer.Option("--join", help="Join the Zenoh router at this endpoint instead.", metavar="ENDPOINT"),
+    ] = None,
+    status: Annotated[bool, typer.Option("--status", help="Print the running relay's counters as JSON.")] = False,
+    log_level: LogLevel = None,
+) -> None:
+    """Join a robot whose ROS 2 is DDS to the bridge; needs rclpy, of a ROS 2 installation or the extra `ros2`.
+
+    It carries the topics of the profile and the lifecycle's services, both ways, until Ctrl-C or SIGTERM.
+
+    Examples:
+    - `hd-deploy relay` beside `hd-deploy bridge`, both on the robot's computer
+
+    - `hd-deploy relay --profile nav2 --set ros.namespace=robot1 --listen tcp/127.0.0.1:7448`
+
+    - `hd-deploy relay --status | jq .lost`
+    """
+    setup_logging(log_level)
+    if listen and join:
+        raise ConfigError("--listen and --join are two ways to be on the Zenoh network: give one")
+    extra = [f"ros.listen={','.join(listen)}", "ros.connect="] if listen else []
+    resolved = _load(profile, config, overrides, join, name, extra)
+    from deploy.relay.process import as_router, run_relay
+    from deploy.relay.relay import relay_name
+
+    if status:
+        guest = guest_of(resolved.ros)
+        with open_session(guest) as session:
+            answer = request(session, relay_name(resolved.name), "status", asked="relay")
+        typer.echo(json.dumps(answer, indent=2))
+        return
+    run_relay(resolved if listen or join else as_router(resolved))
+
+
 @app.command(context_settings={"ignore_unknown_options": True})
 @command_errors
 def command(
     words: Annotated[
         list[str],
         typer.Argument(
-            help="start, pause, resume, abort, return-home, reset, goal X Y, stop (emergency stop), release, status.",
+            help="start, pause, resume, abort, return-home, reset, goal X Y, explore, stop (emergency stop), release, "
+            "status.",
             metavar="COMMAND...",
         ),
     ],
@@ -149,7 +200,7 @@ def command(
 
     - `hd-deploy command release --who anna --why "the hall is empty"`; the robot stands until the next `start`
 
-    - `hd-deploy command goal 12.5 -3`
+    - `hd-deploy command goal 12.5 -3`; a robot that explores goes there, and on with `hd-deploy command explore`
 
     - `hd-deploy command status --json | jq .explored_area`
     """

@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 # Of what a peer sent, an answer and the log repeat no more characters.
 _SHOWN: Final = 40
 # Commands that may set the robot in motion.
-_ORDERS: Final = frozenset({"start", "resume", "return_home", "goal"})
+_ORDERS: Final = frozenset({"start", "resume", "return_home", "goal", "explore"})
 # The watchdog confirms a release within this time, seconds.
 _CONFIRMED: Final = 1.0
 
@@ -81,6 +81,7 @@ class Commands:
             "abort": mission.abort,
             "return_home": mission.return_home,
             "reset": mission.reset,
+            "explore": mission.explore,
         }
 
     def __call__(self, request: ControlRequest) -> dict[str, Any]:
