@@ -135,9 +135,9 @@ def relay(
             metavar="ENDPOINT",
         ),
     ] = None,
-    join: Annotated[
+    connect: Annotated[
         list[str] | None,
-        typer.Option("--join", help="Join the Zenoh router at this endpoint instead.", metavar="ENDPOINT"),
+        typer.Option("--connect", help="Join the Zenoh router at this endpoint instead.", metavar="ENDPOINT"),
     ] = None,
     status: Annotated[bool, typer.Option("--status", help="Print the running relay's counters as JSON.")] = False,
     log_level: LogLevel = None,
@@ -154,10 +154,10 @@ def relay(
     - `hd-deploy relay --status | jq .lost`
     """
     setup_logging(log_level)
-    if listen and join:
-        raise ConfigError("--listen and --join are two ways to be on the Zenoh network: give one")
+    if listen and connect:
+        raise ConfigError("--listen and --connect are two ways to be on the Zenoh network: give one")
     extra = [f"ros.listen={','.join(listen)}", "ros.connect="] if listen else []
-    resolved = _load(profile, config, overrides, join, name, extra)
+    resolved = _load(profile, config, overrides, connect, name, extra)
     from deploy.relay.process import as_router, run_relay
     from deploy.relay.relay import relay_name
 
@@ -167,7 +167,7 @@ def relay(
             answer = request(session, relay_name(resolved.name), "status", asked="relay")
         typer.echo(json.dumps(answer, indent=2))
         return
-    run_relay(resolved if listen or join else as_router(resolved))
+    run_relay(resolved if listen or connect else as_router(resolved))
 
 
 @app.command(context_settings={"ignore_unknown_options": True})

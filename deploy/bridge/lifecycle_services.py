@@ -41,9 +41,9 @@ _FOLLOWED: Final = 2.0
 class LifecycleServices:
     """Carries out transitions as commands to the robot, so that every one of them does what an operator's would.
 
-    To activate is to start, to deactivate is to pause, to clean up is to abort and to forget the map, to shut down is to
-    end the bridge. A transition to the state that the bridge is in succeeds and does nothing: it configures itself when
-    it starts, and managers of lifecycles configure it once more.
+    To activate is to start, to deactivate is to pause, to clean up is to abort and to forget the map, to shut down is
+    to end the bridge. A transition to the state that the bridge is in succeeds and does nothing: it configures itself
+    when it starts, and managers of lifecycles configure it once more.
     """
 
     def __init__(self, node: Node, lifecycle: Lifecycle, commands: Commands, end: Callable[[], None]) -> None:
@@ -95,9 +95,8 @@ class LifecycleServices:
         until = time.monotonic() + _FOLLOWED
         while self._lifecycle.state is not goal:
             if time.monotonic() > until:
-                raise HDError(
-                    f"the bridge is {self._lifecycle.state.label} and not {goal.label} after {_FOLLOWED:g} s: see its log"
-                )
+                now = self._lifecycle.state.label
+                raise HDError(f"the bridge is {now} and not {goal.label} after {_FOLLOWED:g} s: see its log")
             time.sleep(0.01)
 
     def _change_state(self, request: Message) -> Message:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import hypot, inf, isfinite
 
-from common.planners.base import Position
+from common.planners.base import Position, TaskName
 from common.tasks import EXPLORATION, NAVIGATION, Task, find_task
 from deploy.bridge.words import CommandError
 

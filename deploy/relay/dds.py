@@ -6,7 +6,6 @@ import logging
 import os
 import threading
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -19,6 +18,9 @@ from deploy.ros2.qos import QoS
 log = logging.getLogger(__name__)
 
 DOMAIN_VARIABLE: Final = "ROS_DOMAIN_ID"
+_EARS: Final = "_relay"
+# How long the end waits for a thread, seconds.
+_END: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,14 +41,16 @@ class Peer:
 
 
 class DdsNode(Closing):
-    """A node with raw publishers and subscriptions; its callbacks run in one thread of its own.
+    """A node with raw publishers and services, and one beside it, `<name>_relay`, with the raw subscriptions.
+
+    Each has a thread for its callbacks, because topics must go on while a service waits for its answer.
 
     Usage::
 
         with DdsNode("hd_bridge", "/", domain=0, distro="kilted") as node:
-            velocity = node.publisher("/cmd_vel", "geometry_msgs/msg/Twist", RELIABLE)
-            scan = node.subscribe("/scan", "sensor_msgs/msg/LaserScan", SENSOR, lambda payload: None)
-            velocity.publish(payload)
+            velocity = node.publisher("/cmd_vel", "geometry_msgs/msg/Twist", RELIABLE, log.warning)
+            node.subscribe("/scan", "sensor_msgs/msg/LaserScan", SENSOR, take, log.warning)
+            velocity(payload)
     """
 
     def __init__(self, name: str, namespace: str, *, domain: int, distro: str) -> None:
@@ -65,7 +69,6 @@ class DdsNode(Closing):
         self.full_name = f"{namespace.rstrip('/')}/{name}"
         self._distro = distro
         self._rclpy = load_rclpy()
-        self._pool = ThreadPoolExecutor(4, "relayed service")
         self._context = self._rclpy.Context()
         self._closed = False
         from rclpy.executors import SingleThreadedExecutor
@@ -73,19 +76,31 @@ class DdsNode(Closing):
         try:
             # Signals belong to the process, which ends the robot's motion before it leaves.
             self._context.init(domain_id=domain)
-            self._node = self._rclpy.create_node(
-                name, namespace=namespace, context=self._context, start_parameter_services=False, enable_rosout=False
+            self._node, self._ears = (
+                self._rclpy.create_node(
+                    each,
+                    namespace=namespace,
+                    context=self._context,
+                    start_parameter_services=False,
+                    enable_rosout=False,
+                )
+                for each in (name, f"{name}{_EARS}")
             )
         except Exception as error:
             # rclpy raises types of its own for names, domains and middlewares.
             raise RosError(f"cannot join DDS as {self.full_name} in domain {domain}: {error}") from error
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._thread = threading.Thread(target=self._spin, name="dds", daemon=True)
-        self._thread.start()
+        self._executors = []
+        self._threads = []
+        for node in (self._node, self._ears):
+            executor = SingleThreadedExecutor(context=self._context)
+            executor.add_node(node)
+            thread = threading.Thread(target=self._spin, args=(executor,), name=node.get_name(), daemon=True)
+            thread.start()
+            self._executors.append(executor)
+            self._threads.append(thread)
 
-    def publisher(self, topic: str, kind: str, qos: QoS, on_mismatch: Callable[[str], None]) -> Any:
-        """Declare a publisher; its `publish` takes CDR and may be called from any thread.
+    def publisher(self, topic: str, kind: str, qos: QoS, on_mismatch: Callable[[str], None]) -> Callable[[bytes], None]:
+        """Declare a publisher and return what publishes a message that is CDR; it may be called from any thread.
 
         Args:
             topic: absolute name.
@@ -101,7 +116,15 @@ class DdsNode(Closing):
         made = message_class(kind, self._distro)
         publisher = self._node.create_publisher(made, topic, _profile(qos), event_callbacks=events)
         forget_errors()
-        return publisher
+
+        def publish(payload: bytes) -> None:
+            try:
+                publisher.publish(payload)
+            except Exception as error:
+                # rclpy raises types of its own.
+                raise RosError(f"DDS does not take it: {error}") from error
+
+        return publish
 
     def subscribe(
         self,
@@ -126,7 +149,7 @@ class DdsNode(Closing):
             incompatible_qos=lambda info: on_mismatch(_policy(info)), use_default_callbacks=False
         )
         made = message_class(kind, self._distro)
-        subscription = self._node.create_subscription(
+        subscription = self._ears.create_subscription(
             made, topic, callback, _profile(qos), event_callbacks=events, raw=True
         )
         forget_errors()
@@ -134,7 +157,7 @@ class DdsNode(Closing):
 
     def unsubscribe(self, subscription: Any) -> None:
         """Withdraw a subscription."""
-        self._node.destroy_subscription(subscription)
+        self._ears.destroy_subscription(subscription)
 
     def service(self, name: str, kind: str, call: Callable[[bytes], bytes]) -> bool:
         """Offer a service whose answers another network gives; return whether its type is installed.
@@ -149,25 +172,16 @@ class DdsNode(Closing):
         if made is None:
             return False
         from rclpy.serialization import deserialize_message, serialize_message
-        from rclpy.task import Future
 
-        def answer(request: bytes, future: Any) -> None:
-            response = made.Response()
+        def take(request: Any, response: Any) -> Any:
             try:
-                response = deserialize_message(call(request), made.Response)
+                return deserialize_message(call(serialize_message(request)), made.Response)
             except RosError as error:
                 log.warning("service %s: %s", name, error)
             except Exception:
                 # Without an answer the asker would wait for ever.
                 log.exception("service %s failed", name)
-            future.set_result(response)
-
-        async def take(request: Any, empty: Any) -> Any:
-            del empty
-            future = Future(executor=self._executor)
-            # Topics must go on while an answer takes its time.
-            self._pool.submit(answer, serialize_message(request), future)
-            return await future
+            return response
 
         self._node.create_service(made, name, take)
         return True
@@ -190,23 +204,25 @@ class DdsNode(Closing):
         if self._closed:
             return
         self._closed = True
-        self._executor.shutdown(timeout_sec=2.0)
-        self._thread.join(2.0)
-        self._node.destroy_node()
+        for executor in self._executors:
+            executor.shutdown(timeout_sec=_END)
+        for thread in self._threads:
+            thread.join(_END)
+        for node in (self._ears, self._node):
+            node.destroy_node()
         self._context.try_shutdown()
-        self._pool.shutdown(wait=False, cancel_futures=True)
 
-    def _spin(self) -> None:
+    def _spin(self, executor: Any) -> None:
         from rclpy.executors import ExternalShutdownException, ShutdownException
 
         while not self._closed:
             try:
-                self._executor.spin()
+                executor.spin()
             except (ExternalShutdownException, ShutdownException):
                 return
             except Exception:
                 # One bad moment must not silence all topics.
-                log.exception("the relay's DDS thread failed, and goes on")
+                log.exception("a DDS thread of the relay failed, and goes on")
 
     def _peers(self, infos: list[Any]) -> list[Peer]:
         from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
@@ -214,7 +230,7 @@ class DdsNode(Closing):
         peers = []
         for info in infos:
             node = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
-            if node == self.full_name:
+            if node in {self.full_name, f"{self.full_name}{_EARS}"}:
                 continue
             asked = QoS(
                 info.qos_profile.reliability is not ReliabilityPolicy.BEST_EFFORT,

@@ -124,7 +124,7 @@ class ToRobot(Lane):
     """From Zenoh to DDS.
 
     Attributes:
-        tell: called with every message that has gone to the robot.
+        tell: called with every message that has gone to the robot, where anybody wants to know.
     """
 
     def __init__(self, route: Route, dds: DdsNode, node: Node) -> None:
@@ -135,8 +135,8 @@ class ToRobot(Lane):
         """
         super().__init__(route)
         self._node = node
-        self.tell: Callable[[bytes], None] = lambda payload: None
-        self._publisher = dds.publisher(route.topic, route.kind, route.qos, self._mismatch)
+        self.tell: Callable[[bytes], None] | None = None
+        self._publish = dds.publisher(route.topic, route.kind, route.qos, self._mismatch)
         self._subscription: Any = None
 
     @property
@@ -151,9 +151,8 @@ class ToRobot(Lane):
     def send(self, payload: bytes) -> None:
         """Send a message of the relay's own to the robot."""
         try:
-            self._publisher.publish(payload)
-        except Exception as error:
-            # rclpy raises types of its own; the dispatcher's thread serves all topics.
+            self._publish(payload)
+        except RosError as error:
             self._failure(error)
         else:
             self._count(payload)
@@ -161,7 +160,8 @@ class ToRobot(Lane):
     def _take(self, payload: bytes, received: Received) -> None:
         del received
         self.send(payload)
-        self.tell(payload)
+        if self.tell is not None:
+            self.tell(payload)
 
     def _mismatch(self, policy: str) -> None:
         log.warning(

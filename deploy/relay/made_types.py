@@ -151,7 +151,7 @@ def _type_support(kind: str, description: Description) -> _TypeSupport:
 
     def getter(part: Structure) -> Any:
         address = addressof(part)
-        return _kept(_Getter(lambda asked: address))
+        return _kept(_Getter(lambda _: address))
 
     support.typesupport_identifier = _IDENTIFIER
     support.data = addressof(callbacks)

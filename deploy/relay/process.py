@@ -52,7 +52,8 @@ def as_router(config: DeployConfig) -> DeployConfig:
     elsewhere = [endpoint for endpoint in ros.connect if not is_loopback(endpoint)]
     if elsewhere or not ros.connect:
         raise ConfigError(
-            f"the relay is the router of the robot's Zenoh network, and ros.connect names {elsewhere or 'nothing'}: give "
-            "the endpoint to listen on by --listen, or --join a router that is there"
+            "the relay is the router of the robot's Zenoh network, and ros.connect names "
+            f"{', '.join(elsewhere) or 'nothing'}: give the endpoint to listen on by --listen, or that of a router "
+            "that is there by --connect"
         )
     return config.model_copy(update={"ros": ros.model_copy(update={"listen": ros.connect, "connect": ()})})

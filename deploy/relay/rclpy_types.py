@@ -10,9 +10,8 @@ from deploy.relay.made_types import MIDDLEWARE, made_class
 from deploy.ros2.errors import RosError
 
 _ADVICE: Final = (
-    "the relay joins ROS 2 by rclpy, which this Python does not have: use a Python in which a ROS 2 installation is set "
-    "up (source /opt/ros/DISTRO/setup.bash), or install the extra `ros2` (pip install 'hdplanner[ros2]', from a "
-    "checkout pip install -e '.[ros2]')"
+    "the relay joins ROS 2 by rclpy, which this Python does not have: source a ROS 2 installation "
+    "(/opt/ros/DISTRO/setup.bash), or install the extra `ros2` (from a checkout: pip install -e '.[robot,ros2]')"
 )
 
 

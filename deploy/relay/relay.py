@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import logging
 import threading
 import time
@@ -29,7 +30,7 @@ _COUNTERS: Final = 10.0
 DISCOVERY_SECONDS: Final = 3.0
 """DDS nodes find each other at once, or, where the first announcement was lost, within 2.5 s as measured."""
 # A transition may take its time; whoever only asks should not.
-_SERVICE_SECONDS: Final = 5.0
+_SERVICE_SECONDS: Final = 3.0
 
 
 class Relay(Closing):
@@ -76,7 +77,8 @@ class Relay(Closing):
             ]
             self._services = self._offer_services()
             self._oversight = Oversight(self._dds, self._lanes, ros.distro)
-            enter(ControlServer(self._node.session, relay_name(config.name), lambda asked: self.status(), ("status",)))
+            name = relay_name(config.name)
+            enter(ControlServer(self._node.session, name, lambda _: self.status(), ("status",)))
         except BaseException:
             self._parts.close()
             raise
@@ -143,7 +145,7 @@ class Relay(Closing):
             return next((lane for lane in self._to_robot if topic and lane.route.topic == full), None)
 
         velocity, stop, watchdog = (lane_of(topic) for topic in (topics.velocity, topics.stop, topics.watchdog))
-        standstill = Standstill(self._config, velocity and velocity.send, stop and stop.send)
+        standstill = Standstill(self._config, velocity.send if velocity else None, stop.send if stop else None)
         if velocity is not None:
             velocity.tell = lambda payload: standstill.heard_velocity(payload, time.monotonic())
         if stop is not None:
@@ -160,7 +162,7 @@ class Relay(Closing):
         for kind in SERVICES:
             name = f"{self._dds.full_name}/{service_name(kind)}"
             client = self._node.client(name, kind)
-            if self._dds.service(name, kind, lambda asked, client=client: client.call_raw(asked, _SERVICE_SECONDS)):
+            if self._dds.service(name, kind, functools.partial(client.call_raw, timeout=_SERVICE_SECONDS)):
                 offered.append(name)
             else:
                 lacking.add(kind.split("/", 1)[0])

@@ -25,8 +25,8 @@ _PERIOD: Final = 0.1
 class Standstill:
     """Notes what the watchdog sends, and sends zeros and `/stop` in its place when it falls silent under way.
 
-    Under way means that the last velocity was not zero, or, where the robot's own stack drives, that the watchdog's last
-    word was that it lets the robot drive. One that ends in order says before that it stops the robot.
+    Under way means that the last velocity was not zero, or, where the robot's own stack drives, that the watchdog's
+    last word was that it lets the robot drive. One that ends in order says before that it stops the robot.
     """
 
     def __init__(

@@ -1,15 +1,12 @@
 """The bridge as a lifecycle node: what managers of lifecycles ask of it, over both layouts."""
 
-import threading
-
 import pytest
 
 from common.bus.control import request
-from deploy.bridge.bridge import Bridge
 from deploy.ros2 import message
 from tests.common.bus.processes import eventually
 from tests.common.planners.worlds import ARMS
-from tests.deploy.bridge.robots import FakeRobot, network
+from tests.deploy.bridge.robots import FakeRobot, network, running_bridge
 
 MAPPING = {"resolution": 0.25, "viewpoint_spacing": 2.0, "sensor_range": 10.0, "beacon_range": 10.0}
 IDS = {"configure": 1, "cleanup": 2, "activate": 3, "deactivate": 4, "shutdown": 6}
@@ -36,9 +33,7 @@ def test_a_manager_brings_the_bridge_up_and_down(layout):
     ros = config.ros.model_copy(update={"layout": layout})
     config = config.model_copy(update={"ros": ros})
     router = router.model_copy(update={"layout": layout})
-    with FakeRobot(ARMS, router) as robot, Bridge(config) as bridge:
-        thread = threading.Thread(target=bridge.run, args=(threading.Event(),))
-        thread.start()
+    with FakeRobot(ARMS, router) as robot, running_bridge(config) as (bridge, thread):
         node = robot.node
         assert eventually(lambda: robot.status.get("scans", 0) > 2)
         assert state(node) == "inactive"
@@ -71,10 +66,7 @@ def test_a_manager_brings_the_bridge_up_and_down(layout):
 
 def test_an_operators_start_configures_a_bridge_that_was_cleaned_up_and_tells_diagnostics():
     router, config = network(mapping=MAPPING)
-    stop = threading.Event()
-    with FakeRobot(ARMS, router) as robot, Bridge(config) as bridge:
-        thread = threading.Thread(target=bridge.run, args=(stop,))
-        thread.start()
+    with FakeRobot(ARMS, router) as robot, running_bridge(config):
         told = robot.node.latest("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
         assert eventually(lambda: robot.status.get("scans", 0) > 2)
         assert change(robot.node, "cleanup")
@@ -89,5 +81,3 @@ def test_an_operators_start_configures_a_bridge_that_was_cleaned_up_and_tells_di
         assert eventually(lambda: levels() == healthy)
         robot.sensing = False
         assert eventually(lambda: levels().get("hd_bridge: inputs") == levels().get("hd_bridge: watchdog") == 2)
-        stop.set()
-        thread.join()

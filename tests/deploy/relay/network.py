@@ -6,8 +6,9 @@ from unittest import mock
 
 import pytest
 
-rclpy = pytest.importorskip("rclpy", reason="rclpy is not installed: `make test-ros` runs these")
+pytest.importorskip("rclpy", reason="rclpy is not installed: `make test-ros` runs these")
 
+import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 

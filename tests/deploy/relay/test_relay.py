@@ -5,6 +5,9 @@ import time
 
 import numpy as np
 import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not installed: `make test-ros` runs these")
+
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
@@ -63,7 +66,7 @@ def test_nothing_comes_back(domain):
         time.sleep(0.3)
         heard_here.clear(), heard_there.clear()
         before = relay.status()["to_robot"]["/cmd_vel"]["messages"]
-        velocity.publish(conversions.twist(0.1, 0.0))
+        velocity.publish(conversions.twist(0.0, 0.0))
         assert eventually(lambda: heard_there)
         assert not eventually(lambda: len(heard_there) + len(heard_here) > 2, 0.5)
         assert relay.status()["to_robot"]["/cmd_vel"]["messages"] == before + 1
@@ -137,7 +140,6 @@ def test_late_comers_on_both_sides_get_what_is_latched(domain):
                 assert eventually(lambda: maps)
                 belief = bridge.publisher("/hd/belief", "nav_msgs/msg/OccupancyGrid", OUR_LATCHED)
                 belief.publish(conversions.occupancy_grid(1.0, "map", np.zeros((2, 3), np.int8), 0.1))
-                assert eventually(lambda: belief.sent == 1)
                 with dds_node("rviz", domain) as rviz:
                     beliefs.clear()
                     rviz.create_subscription(OccupancyGrid, "/hd/belief", beliefs.append, LATCHED)
@@ -232,7 +234,7 @@ def test_wrong_types_and_other_sources_of_velocities_are_named(domain, caplog):
         wanted = [
             "set driving.message=TwistStamped",
             "geometry_msgs/msg/PoseStamped on /odom",
-            "/teleop publishes on /cmd",
+            "/teleop publishes on /cmd_vel",
         ]
         assert eventually(lambda: all(any(each in one for one in relay.status()["problems"]) for each in wanted))
         assert all(each in caplog.text for each in wanted)
