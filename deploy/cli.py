@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,6 +30,7 @@ from deploy.robot.cli import DEMO_EXAMPLES, demo, robot
 from deploy.robot.cli import EXAMPLES as ROBOT_EXAMPLES
 from deploy.ros2.graph import watch
 from deploy.ros2.session import guest_of, open_session
+from deploy.ros_arguments import BEGIN, translate
 
 # Seconds in which a bridge shows up that is there.
 _LOOK = 2.0
@@ -360,5 +362,14 @@ def _show(status: dict[str, object]) -> None:
     Console().print(table)
 
 
+@command_errors
+def main() -> None:
+    """Run `hd-deploy`; arguments as ROS 2 gives them to its nodes are understood too."""
+    arguments = sys.argv[1:]
+    if BEGIN in arguments:
+        arguments = translate(arguments)
+    app(arguments)
+
+
 if __name__ == "__main__":
-    app()
+    main()
