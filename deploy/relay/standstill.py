@@ -56,6 +56,7 @@ class Standstill:
         self._last_stop = self._levels[GO]
         self._moving = self._clear = False
         self._heard_velocity = self._heard_watchdog = 0.0
+        self._lost_watchdog = False
         self._began: float | None = None
         self._next = 0.0
 
@@ -73,7 +74,7 @@ class Standstill:
             moving = True
         with self._lock:
             self._moving, self._heard_velocity = moving, now
-            if not self._clear:
+            if not self._lost_watchdog:
                 self._began = None
 
     def heard_stop(self, payload: bytes) -> None:
@@ -88,7 +89,9 @@ class Standstill:
             return
         with self._lock:
             self._clear, self._heard_watchdog = mode == GateMode.CLEAR, now
-            back, self._began = self._began is not None, None
+            back, self._lost_watchdog = self._lost_watchdog, False
+            if back:
+                self._began = None
         if back:
             log.warning("the watchdog is heard again")
             if self._stop is not None:
@@ -97,10 +100,7 @@ class Standstill:
     def tick(self, now: float) -> None:
         """Stop the robot if it has to be; to be called every few hundredths of a second."""
         with self._lock:
-            why = self._reason(now)
-            if why and self._began is None:
-                self._began = now
-                log.error("%s: the relay stops the robot", why)
+            self._look(now)
             # As long as the watchdog itself does when its bridge has died.
             if self._began is None or now - self._began > self._config.safety.zero_for or now < self._next:
                 return
@@ -120,10 +120,15 @@ class Standstill:
         if self._moving or self._clear:
             self.stop_now()
 
-    def _reason(self, now: float) -> str:
+    def _look(self, now: float) -> None:
+        """Begin to stop the robot where it has to be; the lock is held."""
         limit = self._config.safety.bridge_timeout
-        if self._moving and now - self._heard_velocity > limit:
-            return f"no velocity came for {limit:g} s after one that moves the robot"
-        if self._clear and now - self._heard_watchdog > WATCHDOG_SILENT:
-            return f"nothing was heard of the watchdog for {WATCHDOG_SILENT:g} s"
-        return ""
+        if self._clear and not self._lost_watchdog and now - self._heard_watchdog > WATCHDOG_SILENT:
+            self._lost_watchdog = True
+            self._begin(now, f"nothing was heard of the watchdog for {WATCHDOG_SILENT:g} s")
+        elif self._moving and self._began is None and now - self._heard_velocity > limit:
+            self._begin(now, f"no velocity came for {limit:g} s after one that moves the robot")
+
+    def _begin(self, now: float, why: str) -> None:
+        self._began = now
+        log.error("%s: the relay stops the robot", why)

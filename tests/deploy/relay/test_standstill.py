@@ -79,13 +79,18 @@ def test_what_cannot_be_read_may_move_the_robot():
     assert wheels.velocities
 
 
-def test_velocities_that_come_again_end_it():
+@pytest.mark.parametrize("mode", ["clear", "held"])
+def test_velocities_that_come_again_end_it(mode):
     wheels = Wheels()
+    wheels.watchdog(mode)
     wheels.drive(0.5)
     wheels.wait(1.0)
     assert wheels.standstill.stopping
     wheels.drive(0.5)
     assert not wheels.standstill.stopping
+    wheels.velocities.clear()
+    wheels.wait(0.2)
+    assert not wheels.velocities, "nothing of the relay's own between the velocities of the watchdog"
 
 
 def test_a_stack_of_the_robots_own_is_stopped_when_the_watchdog_falls_silent_and_let_go_when_it_is_back():
