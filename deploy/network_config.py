@@ -80,6 +80,8 @@ class TopicsConfig(Section):
     """IN geometry_msgs/PointStamped: a target, for which an exploration is left."""
     goal_pose: str = ""
     """IN geometry_msgs/PoseStamped: a target, as RViz's goal tool publishes it."""
+    navigate_action: str = "~/navigate_to_pose"
+    """ACTION nav2_msgs/NavigateToPose of the bridge's own node: a target, and when it is reached. Over Zenoh alone."""
     start: str = "/start_exploration"
     """IN std_msgs/Bool: true starts."""
     command: str = "/hd/command"

@@ -24,6 +24,7 @@ from deploy.bridge.lifecycle_services import LifecycleServices
 from deploy.bridge.live import LivePolicy
 from deploy.bridge.metrics import Metrics
 from deploy.bridge.mission import Mission, Phase
+from deploy.bridge.navigate_action import NavigateAction
 from deploy.bridge.outcome import Outcome
 from deploy.bridge.outputs import Outputs
 from deploy.bridge.problems import LastProblem
@@ -142,6 +143,8 @@ class Bridge(Closing):
         commands = Commands(self._mission, self._gate, self.status, self._health.try_again)
         TopicCommands(commands, config, node)
         LifecycleServices(node, self._lifecycle, commands, self._ended.set)
+        action = config.topics.navigate_action
+        self._action = enter(NavigateAction(node, config, commands, self._mission)) if action else None
         enter(ControlServer(node.session, config.name, commands, ROBOT_VERBS))
         enter(declare_presence(node.session, config.name, "robot", config.name))
         self._rivals = enter(Rivals(node.session, config.name, instance))
@@ -181,6 +184,8 @@ class Bridge(Closing):
             self._next_status = now + 1.0 / self._config.decision.status_rate
             status = self._reporter.status(outcome, self._lifecycle.state.label, self._gate.state)
             self._outputs.status(status, outcome, self._map.statistics.explored_volume, stamp, now)
+            if self._action is not None:
+                self._action.look(outcome, stamp, now)
         rate = self._config.decision.markers_rate
         if rate > 0.0 and now >= self._next_picture:
             self._next_picture = now + 1.0 / rate

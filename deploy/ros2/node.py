@@ -110,18 +110,19 @@ class Node(Closing):
         """
         return Latest(lambda callback: self._subscribe(topic, kind, callback, qos, raw=False))
 
-    def service(self, name: str, kind: str, handle: Callable[[Message], Message]) -> Service:
-        """Offer a service; `handle(request)` makes the response, in a thread of the service's own.
+    def service(self, name: str, kind: str, handle: Callable[[Message], Message], threads: int = 1) -> Service:
+        """Offer a service; `handle(request)` makes the response, in threads of the service's own.
 
         Args:
             name: absolute, relative to the node's namespace, or below the node itself, such as `~/get_state`.
             kind: such as `lifecycle_msgs/srv/GetState`.
             handle: its HDErrors are the answer to the asker.
+            threads: that answer, where a response may take its time.
 
         Raises:
             RosError: for a malformed name or an unknown type.
         """
-        service = Service(self.session, self._service_endpoint(name, kind, server=True), handle)
+        service = Service(self.session, self._service_endpoint(name, kind, server=True), handle, threads)
         self._services.append(service)
         return service
 

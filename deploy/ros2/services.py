@@ -49,19 +49,26 @@ class Service(Closing):
         kind: service type.
     """
 
-    def __init__(self, session: zenoh.Session, endpoint: ServiceEndpoint, handle: Callable[[Message], Message]) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        endpoint: ServiceEndpoint,
+        handle: Callable[[Message], Message],
+        threads: int = 1,
+    ) -> None:
         """Offer the service.
 
         Args:
             session: of the node.
             endpoint: name and type.
             handle: makes the response to a request.
+            threads: that answer, where a response may take its time.
         """
         self.name = endpoint.name
         self.kind = endpoint.kind
         self._endpoint = endpoint
         self._handle = handle
-        self._server = QueryServer(session, endpoint.key, self._answer)
+        self._server = QueryServer(session, endpoint.key, self._answer, threads=threads)
         self._token = session.liveliness().declare_token(endpoint.token)
         self._closed = False
 

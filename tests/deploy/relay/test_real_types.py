@@ -18,7 +18,7 @@ from rosbags.interfaces import Nodetype
 from deploy.profiles import DEPLOY
 from deploy.relay.descriptions import describe
 from deploy.relay.routes import routes_of
-from deploy.ros2.definitions import SERVICES
+from deploy.ros2.definitions import ACTION_SERVICES, SERVICES
 from deploy.ros2.messages import deserialize, serialize, type_hash, typestore
 
 # What no wheel has: its parts are those of geometry_msgs, and its hash is checked against another implementation.
@@ -37,7 +37,7 @@ def kinds_of_all_profiles():
 
 
 KINDS = kinds_of_all_profiles()
-PARTS = [f"{kind}_{part}" for kind in SERVICES for part in ("Request", "Response")]
+PARTS = [f"{kind}_{part}" for kind in SERVICES | ACTION_SERVICES for part in ("Request", "Response")]
 
 
 def described(kind):
@@ -104,7 +104,7 @@ def plain(part):
 
 
 @pytest.mark.parametrize("distro", DISTROS)
-@pytest.mark.parametrize("kind", [*KINDS, *SERVICES])
+@pytest.mark.parametrize("kind", [*KINDS, *SERVICES, *ACTION_SERVICES, "action_msgs/msg/GoalStatusArray"])
 def test_hashes_equal_those_of_the_packages(kind, distro):
     assert type_hash(kind, distro) == real_hash(kind)
 

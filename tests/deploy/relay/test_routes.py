@@ -29,7 +29,12 @@ def test_every_topic_of_bridge_and_watchdog_has_its_route(profile):
             found = []
 
             def complete():
-                found[:] = [one for one in read_graph(session, 0).endpoints if one.node in nodes]
+                # Actions are not relayed: their services need a type that no wheel has.
+                found[:] = [
+                    one
+                    for one in read_graph(session, 0).endpoints
+                    if one.node in nodes and "/_action/" not in one.topic
+                ]
                 return {one.topic for one in found} >= set(routes)
 
             assert eventually(complete), set(routes) - {one.topic for one in found}
