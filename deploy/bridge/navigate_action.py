@@ -52,7 +52,7 @@ class NavigateAction(Closing):
             self._began = now
             return
         distance = float("inf") if pose is None else hypot(pose.x - self._target[0], pose.y - self._target[1])
-        if orders.target != self._target or orders.task != "navigation":
+        if orders.target != self._target or not orders.task.needs_target:
             self._end(GoalState.ABORTED, "another order came")
         elif orders.phase is Phase.FINISHED or (
             orders.phase is Phase.RETURNING and distance <= self._config.decision.goal_radius

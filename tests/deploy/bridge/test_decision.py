@@ -68,11 +68,11 @@ def test_an_exploration_is_left_for_a_target_and_completed_afterwards():
     home = ROOMS.start
     trial.mission.goal(home)
     last = trial.run(60, ended)
-    assert (last.orders.phase, last.orders.task) == (Phase.FINISHED, "navigation")
+    assert (last.orders.phase, last.orders.task.name) == (Phase.FINISHED, "navigation")
     assert trial.pose.distance_to(home) <= 0.8
     trial.mission.start()
     assert trial.run(300, lambda o: o.orders.phase is Phase.RETURNING).orders.reason.startswith("the task is done")
-    assert trial.run(100, ended).orders.task == "exploration"
+    assert trial.run(100, ended).orders.task.name == "exploration"
     assert trial.pose.distance_to(home) <= 0.8
 
 

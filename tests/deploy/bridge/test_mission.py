@@ -91,12 +91,16 @@ def test_an_exploration_is_left_for_a_target_and_taken_up_again():
     mission.start()
     episodes = [mission.orders.episode]
     mission.goal((4.0, 2.0))
-    assert (mission.orders.task, mission.orders.target) == ("navigation", (4.0, 2.0))
+    assert (mission.orders.task.name, mission.orders.target) == ("navigation", (4.0, 2.0))
     mission.start()
-    assert mission.orders.task == "navigation"
+    assert mission.orders.task.name == "navigation"
     episodes.append(mission.orders.episode)
     mission.explore()
-    assert (mission.orders.phase, mission.orders.task, mission.orders.target) == (Phase.RUNNING, "exploration", None)
+    assert (mission.orders.phase, mission.orders.task.name, mission.orders.target) == (
+        Phase.RUNNING,
+        "exploration",
+        None,
+    )
     episodes.append(mission.orders.episode)
     mission.explore()
     assert mission.orders.episode == episodes[-1]
@@ -104,7 +108,7 @@ def test_an_exploration_is_left_for_a_target_and_taken_up_again():
     mission.end(Phase.FINISHED, "there", mission.orders.episode)
     episodes.append(mission.orders.episode)
     mission.start()
-    assert (mission.orders.task, mission.orders.target) == ("exploration", None)
+    assert (mission.orders.task.name, mission.orders.target) == ("exploration", None)
     assert len({*episodes, mission.orders.episode}) == 5
 
 
@@ -118,7 +122,7 @@ def test_a_target_given_to_a_robot_that_waits_is_gone_to_when_it_starts(before):
     mission.goal((4.0, 2.0))
     assert not mission.orders.moving
     mission.start()
-    assert (mission.orders.phase, mission.orders.task) == (Phase.RUNNING, "navigation")
+    assert (mission.orders.phase, mission.orders.task.name) == (Phase.RUNNING, "navigation")
     assert mission.orders.episode > episode
 
 
@@ -131,7 +135,7 @@ def test_nobody_waits_for_a_target_on_the_way_home():
     assert mission.orders.phase is Phase.RUNNING
     mission.return_home()
     mission.explore()
-    assert (mission.orders.phase, mission.orders.task) == (Phase.RUNNING, "exploration")
+    assert (mission.orders.phase, mission.orders.task.name) == (Phase.RUNNING, "exploration")
 
 
 @pytest.mark.parametrize(

@@ -80,7 +80,7 @@ def test_an_exploration_that_was_left_for_a_target_by_command_is_left_in_the_rep
         recorded("/hd/status", text, 9.0, status("running", task="exploration")),
     ]
     tasks = []
-    player = Replay(settings, False, lambda outcome, now: tasks.append(outcome.orders.task))
+    player = Replay(settings, False, lambda outcome, now: tasks.append(outcome.orders.task.name))
     player.run(sorted([*sensors, *orders], key=lambda one: one.time))
     changes = [task for task, before in zip(tasks, [None, *tasks], strict=False) if task != before]
     assert changes == ["exploration", "navigation", "exploration"]
