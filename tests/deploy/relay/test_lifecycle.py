@@ -16,6 +16,8 @@ from tests.common.planners.worlds import ARMS
 from tests.deploy.bridge.robots import FakeRobot, network, running_bridge
 from tests.deploy.relay.network import dds_node, repeat, robot, running_relay
 
+# A fresh install compiles its kernels for some minutes.
+pytestmark = pytest.mark.timeout(400)
 MAPPING = {"resolution": 0.25, "viewpoint_spacing": 2.0, "sensor_range": 10.0, "beacon_range": 10.0}
 
 

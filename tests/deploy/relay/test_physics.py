@@ -29,7 +29,7 @@ from tests.deploy.relay.network import LATCHED, dds_node
 
 SMALL = RobotOptions(map="generator:rooms?width=256&height=256&seed=5", metres_per_pixel=0.09375, range_noise=0.02)
 # A fresh install compiles its kernels for some minutes.
-START_SECONDS = 300.0
+START_SECONDS = 500.0
 
 
 class DdsDeployment:
@@ -120,7 +120,7 @@ def explored(belief, world, config):
     return coverage.explored
 
 
-@pytest.mark.timeout(500)
+@pytest.mark.timeout(900)
 def test_it_explores_goes_to_a_target_and_stops_when_the_relay_dies(domain, tmp_path):
     config, common = settings(domain)
     world = centred(load_world(SMALL))
@@ -166,7 +166,7 @@ def test_it_explores_goes_to_a_target_and_stops_when_the_relay_dies(domain, tmp_
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(1200)
 def test_two_robots_in_one_domain_explore_each_for_itself(domain, tmp_path):
     """Both live in worlds of their own; names, commands and stops must not mix."""
     with contextlib.ExitStack() as stack:
