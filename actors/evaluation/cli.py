@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 
 from actors.evaluation.large.cli import app as large_app
 from actors.evaluation.options import ConfigFile, Limit, Maps, Overrides, Start, Target, TaskName, resolve
 from actors.evaluation.progress import planner_list, run_and_show
 from actors.evaluation.results_cli import app as results_app
-from common.cli import EXIT_ERROR, CommandApp, add_version, command_errors, completing
+from common.cli import EXIT_ERROR, CommandApp, add_version, command_errors, completing, message_console
 from common.extensions import SIMULATORS
 from common.logs import setup_logging
 from common.tasks import EXPLORATION
@@ -95,7 +94,7 @@ def run(
     """
     from actors.evaluation.runner import Evaluation
 
-    console = Console(stderr=True)
+    console = message_console()
     setup_logging("warning", console=console if console.is_terminal else None)
     settings = resolve(
         maps,
