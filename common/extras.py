@@ -39,11 +39,12 @@ class MissingPackageError(ConfigError):
     """
 
     def __init__(self, what: str, package: str, extras: tuple[str, ...], instead: str = "") -> None:
-        way = f": {install_command(*extras)}" if extras else f": pip install {package}"
-        super().__init__(
-            f"{what} needs the package {package}, which is not installed{way}"
-            f"{_no_wheel(package)}{f', or {instead}' if instead else ''}"
-        )
+        if package == "pybullet" and sys.version_info >= _NO_PYBULLET:
+            python = ".".join(map(str, sys.version_info[:2]))
+            way = f"which has no ready-made wheel for Python {python}: use Python 3.11"
+        else:
+            way = f"which is not installed: {install_command(*extras)}"
+        super().__init__(f"{what} needs the package {package}, {way}{f', or {instead}' if instead else ''}")
         self.package = package
 
 
@@ -128,9 +129,3 @@ def _pip() -> str:
     """Return how to call this environment's pip: a bare ``pip`` would be another environment's unless it is active."""
     inside = sys.prefix != sys.base_prefix
     return "pip" if inside and os.environ.get("VIRTUAL_ENV") == sys.prefix else f"{sys.executable} -m pip"
-
-
-def _no_wheel(package: str) -> str:
-    if package != "pybullet" or sys.version_info < _NO_PYBULLET:
-        return ""
-    return " (PyBullet has no ready-made wheel for this Python and is built from source; Python 3.11 has one)"
