@@ -44,7 +44,7 @@ lint: $(STAMP)  ## style, format, spelling, docstrings against signatures
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/codespell
-	$(BIN)/flake8 common actors learner deploy benchmarks scripts
+	$(BIN)/flake8 common actors learner deploy hdplanner benchmarks scripts examples
 
 types: $(STAMP)  ## static types
 	$(BIN)/mypy

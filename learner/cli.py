@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -267,6 +267,25 @@ def certificates(
         typer.echo(str(path))
 
 
+@app.command("runs")
+@command_errors
+def list_runs(
+    runs: RunsFolder = RUNS,
+    style: Annotated[Literal["text", "csv", "json"], typer.Option("--format", help="Of the table.")] = "text",
+) -> None:
+    """Compare runs: one line each, from the summaries that their checkpoints write.
+
+    Examples:
+    - `hd-learner runs`
+
+    - `hd-learner runs --format csv > runs.csv`
+    """
+    from learner.run.summary import read_summaries
+    from learner.watch.runs_table import show_runs
+
+    show_runs(read_summaries(runs), style)
+
+
 @app.command()
 @command_errors
 def doctor(
@@ -330,7 +349,9 @@ def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, ov
     # Imported here, so that help and errors of the configuration come at once: torch takes seconds. Imported before the
     # run's folder is made, so that a missing package leaves none behind.
     from learner.run.folder import RunFolder
+    from learner.watch.writers import check_writers
 
+    check_writers(config)
     if options.serial:
         from learner.serial import run_serial
     else:

@@ -37,11 +37,16 @@ def problem(python: str, wanted: list[str]) -> str:
             *("--ignore-installed", "--only-binary", ":all:", "--target", folder),
             *("--python-version", python, "--implementation", "cp", *platforms, *kept),
         ]
-        result = subprocess.run(command, capture_output=True, text=True)
+        result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode == 0:
         return ""
     found = re.search(r"No matching distribution found for ([^\s;]+)|requirement ([^\s;(]+)", result.stderr)
-    return (found[1] or found[2]) if found else result.stderr.strip().splitlines()[-1]
+    return (found[1] or found[2]) if found else _last_word(result.stderr)
+
+
+def _last_word(output: str) -> str:
+    lines = [line for line in output.splitlines() if line.strip() and not line.startswith("WARNING")]
+    return lines[-1] if lines else "pip failed and says nothing"
 
 
 def applies(requirement: str, python: str) -> bool:
