@@ -254,7 +254,7 @@ class LearnedPlanner:
     def _read_shipped(self, task: TaskName) -> tuple[Policy, PolicyCard]:
         if task not in self._read:
             self._read[task] = read_policy(shipped_policy(task))
-            warn_of_other_mapping(self._read[task][1], self._config)
+            warn_of_other_mapping(self._read[task][1], self._config, guarded=self._end_cycles)
         return self._read[task]
 
     def _forget(self) -> None:

@@ -14,19 +14,21 @@ log = logging.getLogger(__name__)
 SPACING_TOLERANCE: Final = 1.3
 
 
-def warn_of_other_mapping(card: PolicyCard, config: MappingConfig) -> None:
+def warn_of_other_mapping(card: PolicyCard, config: MappingConfig, *, guarded: bool = False) -> None:
     """Log a warning that names what a policy was trained with and will not be given.
 
     Args:
         card: of the policy.
         config: the mapping that it will be given.
+        guarded: a guard looks at each world and hands over where it is unlike the training's, so cells of another size,
+            as robots' profiles have them, are no reason to warn.
     """
     trained, given = card.mapping.model_dump(), config.with_planning_set_of(card.mapping).model_dump()
     drawn = {name for name, (low, high) in card.ranges.items() if low <= given[name] <= high}
     # A radius changes where viewpoints are, not how the network reads them.
     scaled = {"utility_range", "min_utility", "least_utility", "beacon_range", "viewpoint_spacing", "robot_radius"}
-    if card.network.features == "guided":
-        # Its frontiers are counted by length.
+    if guarded or card.network.features == "guided":
+        # The guided network's frontiers are counted by length.
         scaled.add("resolution")
     differing = [
         f"{name} {trained[name]} (here {given[name]})"
