@@ -29,7 +29,7 @@ def show_runs(summaries: Sequence[RunSummary], style: Literal["text", "csv", "js
         writer.writerows(rows)
     else:
         table = whole_table(
-            "run", "state", "task", "updates", "steps", "hours", "best", "success", "distance", box=None
+            "run", "state", "task", "updates", "steps", "hours", "best", "success", "distance", box=None, pad_edge=False
         )
         for summary in summaries:
             table.add_row(*_cells(summary))
