@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from actors.evaluation.options import (
     ConfigFile,
@@ -23,10 +22,10 @@ from actors.evaluation.options import (
     settings_of,
     write_text,
 )
-from actors.evaluation.progress import progress_bars
 from actors.evaluation.results import ResultsError, collect_results, read_results
-from common.cli import EXIT_ERROR, command_errors
+from common.cli import EXIT_ERROR, command_errors, message_console
 from common.errors import ConfigError
+from common.progress import Steps, tell_of_kernels
 
 app = typer.Typer()
 
@@ -112,7 +111,7 @@ def plot(
 
     found = collect_results(results)
     wanted = [kind] if kind is not PlotKind.ALL else [each for each in PlotKind if each is not PlotKind.ALL]
-    console = Console(stderr=True)
+    console = message_console()
     written: list[Path] = []
     if PlotKind.TRAJECTORIES in wanted or PlotKind.COVERAGE in wanted:
         if not maps:
@@ -128,10 +127,10 @@ def plot(
             written.append(path)
         if PlotKind.COVERAGE in wanted:
             path = out / f"coverage.{suffix}"
-            with progress_bars(console) as bars:
-                row = bars.add_task("coverage", total=sum(len(each.episodes) for each in found))
+            with Steps(console) as steps:
+                steps.add("coverage", sum(len(each.episodes) for each in found))
                 plots.plot_coverage(
-                    found, lambda name: worlds.load(numbers[name]), settings, path, lambda: bars.advance(row)
+                    found, lambda name: worlds.load(numbers[name]), settings, path, lambda: steps.advance("coverage")
                 )
             written.append(path)
     if PlotKind.BOXES in wanted:
@@ -177,7 +176,7 @@ def video(
     settings, worlds = settings_of(found, maps, limit, config, overrides, start, target)
     world = worlds.load(worlds.find([episode.map])[episode.map])
     count = write_video(found, episode, world, settings, out, fps=fps, width=width)
-    Console(stderr=True).print(f"{out}: {count} pictures of {found.planner} on {episode.map}", highlight=False)
+    message_console().print(f"{out}: {count} pictures of {found.planner} on {episode.map}", highlight=False)
 
 
 @app.command()
@@ -223,18 +222,17 @@ def replay(
 
     found = collect_results(results)
     settings, worlds = settings_of(found[0], maps, limit, config, overrides, start, target)
-    console = Console(stderr=True)
+    console = message_console()
+    tell_of_kernels(console, "common", "actors")
     differing = 0
     for each in found:
         numbers = worlds.find([episode.map for episode in each.episodes])
         disagreements = []
-        with progress_bars(console) as bars:
-            row = bars.add_task(each.planner, total=len(each.episodes))
-            for episode in each.episodes:
+        with Steps(console) as steps:
+            for episode in steps.track(each.planner, each.episodes, len(each.episodes)):
                 counted = recount(each, episode, worlds.load(numbers[episode.map]), settings)
                 if counted.problems:
                     disagreements.append(counted)
-                bars.advance(row)
         differing += len(disagreements)
         agree = len(each.episodes) - len(disagreements)
         sys.stdout.write(f"{each.planner}: {agree} of {len(each.episodes)} episodes agree\n")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.evaluation.results import Results, ResultsError
-from common.errors import ConfigError
+from common.extras import optional
 
 RESAMPLES = 9_999
 CONFIDENCE = 0.95
@@ -199,10 +199,7 @@ def _bootstrap_ratio(a: NDArray[np.float64], b: NDArray[np.float64], resamples: 
 
 
 def _scipy_stats() -> ModuleType:
-    try:
+    with optional("a comparison", "plots", instead="leave --baseline out"):
         from scipy import stats
-    except ModuleNotFoundError as error:
-        raise ConfigError(
-            "comparisons need SciPy, which is not installed: pip install 'hdplanner[plots]', or leave --baseline out"
-        ) from error
+
     return stats

@@ -10,6 +10,7 @@ import numpy as np
 
 from common.config.schema import MappingConfig
 from common.errors import ConfigError
+from common.extras import optional
 from common.mapping.raycast import SUBCELLS
 from common.mapping.sight import CLEAR, FREE, Box, blocker
 from common.planners.base import Position
@@ -150,12 +151,8 @@ def load_ompl() -> tuple[ModuleType, ModuleType, ModuleType]:
     Returns:
         The modules ``base``, ``geometric`` and ``util``.
     """
-    try:
+    with optional("this planner", "planners", instead="use a planner without it (dstar_lite, astar, far)"):
         from ompl import base, geometric, util
-    except ModuleNotFoundError as error:
-        raise ConfigError(
-            "this planner needs OMPL, which is not installed: pip install 'hdplanner[planners]', or use a planner "
-            "without it (dstar_lite, astar, far)"
-        ) from error
+
     util.setLogLevel(util.LogLevel.LOG_NONE)
     return base, geometric, util

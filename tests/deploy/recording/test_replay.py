@@ -4,9 +4,9 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
+from common.extras import MissingPackageError
 from deploy.cli import app
 from deploy.recording.comparison import compare
-from deploy.recording.errors import RecordingError
 from deploy.recording.reader import read_bag
 from deploy.recording.replay import Replay, has_decisions
 from deploy.recording.viewer import Viewer
@@ -137,7 +137,7 @@ def test_the_command_says_what_is_missing(tmp_path):
 
 def test_the_viewer_asks_for_its_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(RecordingError, match=r"hdplanner\[rerun\]"):
+    with pytest.raises(MissingPackageError, match=r"\[rerun\]"):
         Viewer()
 
 
