@@ -23,7 +23,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
-def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:  # noqa: ARG001 mkdocs passes all by name
     """Let links lead to pages of the site; one to a file of the code becomes its plain text, as no site holds it."""
     here = page.file.src_uri
     source = PurePosixPath(FROM_ROOT.get(here, f"docs/{here}"))
