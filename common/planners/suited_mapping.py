@@ -43,7 +43,7 @@ def warn_of_other_mapping(card: PolicyCard, config: MappingConfig) -> None:
             f"(here {config.viewpoint_spacing:g} m: set mapping.viewpoint_spacing={wanted:g})"
         )
     if differing:
-        log.warning("the policy of run %r was trained with another mapping: %s", card.run, ", ".join(differing))
+        log.warning("the policy of run %r was trained with a different mapping: %s", card.run, ", ".join(differing))
 
 
 def _spacing(trained: MappingConfig, given: MappingConfig) -> float:
