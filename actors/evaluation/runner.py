@@ -184,8 +184,8 @@ class Evaluation(Closing):
             return FileLock(journal.with_name(f".{journal.stem}.lock"))
         except LockedError as error:
             raise ResultsError(
-                f"another run (process {error.holder}) evaluates planner {planner!r} in {self._out}: wait until it ends, "
-                "or choose another --out"
+                f"another run (process {error.holder}) evaluates planner {planner!r} in {self._out}: wait "
+                "until it ends, or choose another --out"
             ) from None
 
     def _work(self, waiting: Sequence[Job], workers: int, watch: Callable[[Progress], None] | None) -> None:
