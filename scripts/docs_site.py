@@ -12,7 +12,12 @@ from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[1]
 # Page of the site, and the file of the repository that it shows.
-FROM_ROOT = {"index.md": "README.md", "contributing.md": "CONTRIBUTING.md", "changelog.md": "CHANGELOG.md"}
+FROM_ROOT = {
+    "index.md": "README.md",
+    "contributing.md": "CONTRIBUTING.md",
+    "security.md": "SECURITY.md",
+    "changelog.md": "CHANGELOG.md",
+}
 _LINK = re.compile(r"(?P<text>!?\[[^\]]*\])\((?P<path>[^()\s#]+)(?P<anchor>#[^()\s]*)?\)")
 
 

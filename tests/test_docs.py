@@ -33,9 +33,11 @@ _DOTTED = re.compile(rf"(?<![\w./-])(?:{'|'.join(PACKAGES)}|benchmarks)(?:\.\w+)
 _SECTIONS = {
     name for tree in (RUN, DEPLOY) for name in {path.partition(".")[0] for path, _ in tree.all_fields() if "." in path}
 }
-_SETTING = re.compile(rf"(?<![\w./:{{-])(?:{'|'.join(sorted(_SECTIONS))})\.[a-z]\w*(?![\w./(])")
+_SETTING = re.compile(rf"(?<![\w./:{{-])(?:{'|'.join(sorted(_SECTIONS))})\.[a-z]\w*(?![\w./(*])")
 _VARIABLE = re.compile(r"\bHD(?:ROBOT)?_([A-Z]+)__([A-Z_]+)=")
 _METRIC = re.compile(r"[a-z]+/[a-z_]+")
+# Groups of entry points, which look like modules.
+_ENTRY_POINTS = {f"hdplanner.{kind}" for kind in ("planners", "simulators", "tasks", "generators")}
 _GROUPS = ("episode_train", "episode_expert", "episode_evaluate", "evaluation")
 
 
@@ -119,7 +121,7 @@ def test_links_lead_somewhere():
 
 def test_every_page_is_in_the_navigation():
     listed = re.findall(r"^\s+- .*?([\w/.]+\.md)$", (ROOT / "mkdocs.yml").read_text("utf-8"), re.MULTILINE)
-    made = {"index.md", "contributing.md", "changelog.md"}
+    made = {"index.md", "contributing.md", "security.md", "changelog.md"}
     written = {str(path.relative_to(ROOT / "docs")) for path in ROOT.glob("docs/**/*.md")}
     assert sorted(listed) == sorted(written | made)
 
@@ -170,7 +172,12 @@ def test_modules_are_there():
     for piece in words_of_the_project():
         for dotted in _DOTTED.findall(piece.text):
             setting = any(tree.field_at(dotted) for tree in (RUN, DEPLOY))
-            if not (setting or resolves(dotted) or dotted.endswith((".md", ".log", ".json"))):
+            if not (
+                setting
+                or dotted in _ENTRY_POINTS
+                or resolves(dotted)
+                or dotted.endswith((".md", ".log", ".json", ".X"))
+            ):
                 found.append(f"{piece.place}: {dotted}")
     complain(found)
 
@@ -234,7 +241,7 @@ def test_commands_in_messages_are_there():
 
 def test_options_in_messages_are_there():
     # These name options of other programs, or make them up from names of fields.
-    elsewhere = ("benchmarks/", "common/code_state.py", "deploy/robot/trial.py")
+    elsewhere = ("benchmarks/", "common/code_state.py", "deploy/recording/storage.py", "deploy/robot/trial.py")
     known = all_options()
     found = []
     for piece in [*docstrings(), *messages()]:

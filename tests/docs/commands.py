@@ -29,7 +29,7 @@ TARGETS = frozenset(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("ut
 _PROGRAMS = {"actors.maps": "actors.maps.__main__:app"}
 _TREES: dict[str, ConfigTree] = {"hd-deploy": DEPLOY}
 _ASSIGNMENT = re.compile(r"^\w+=")
-_GENERATOR = re.compile(r"generator:([a-z]\w*)(?:\?([\w=.&-]+))?")
+_GENERATOR = re.compile(r"generator:([a-z]\w*)(?![\w:])(?:\?([\w=.&-]+))?")
 # What stands for something of the reader's own: NAME, <name>, {name}, $name, ...
 _PLACEHOLDER = re.compile(r"[A-Z]{2,}|[<>{}$…]|^[A-Z]$|\.\.\.")
 # Planners that evaluation adds to those of the registry.
@@ -102,7 +102,7 @@ def check(words: list[str]) -> None:
         check_extras(" ".join(arguments))
     elif name == "make":
         for target in arguments:
-            if target not in TARGETS:
+            if target not in TARGETS and not _ASSIGNMENT.match(target):
                 raise BadCommandError(f"the Makefile has no target {target!r}")
     elif words[0].startswith(tuple(f"{folder}/" for folder in FOLDERS)):
         _check_files(words[:1])

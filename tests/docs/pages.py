@@ -84,5 +84,8 @@ class Page:
 @cache
 def pages() -> tuple[Page, ...]:
     """Every page that describes how things are; the changelog describes how they were."""
-    paths = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(ROOT.glob("docs/**/*.md"))]
+    paths = [
+        *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")),
+        *sorted(ROOT.glob("docs/**/*.md")),
+    ]
     return tuple(Page(path) for path in paths)
