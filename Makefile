@@ -66,9 +66,10 @@ format: $(STAMP)  ## put the code into its format
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-docs: $(STAMP)  ## write the pages that are made from the code
+docs: $(STAMP)  ## write the pages that are made from the code, and build the site in build/site
 	$(BIN)/python -c "from pathlib import Path; from common.config.describe import documentation; Path('docs/configuration.md').write_text(documentation(), 'utf-8')"
 	$(BIN)/python -c "from pathlib import Path; from deploy.profiles import documentation; Path('docs/deploy/parameters.md').write_text(documentation(), 'utf-8')"
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
 bench: $(STAMP)  ## measure: decision step, simulators, inference, actors, updates, ingest, memory
 	$(BIN)/python -m benchmarks

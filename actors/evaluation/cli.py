@@ -1,4 +1,4 @@
-"""The command `hd-eval`: is it better, by how much, and is that real?"""
+"""The command `hd-eval`: which planner is better, by how much, and whether the difference is significant."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def run(
         ),
     ],
     maps: Maps,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results; made when missing.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; created if missing.")],
     task: TaskName = EXPLORATION.name,
     sim: Annotated[
         str,
@@ -82,7 +82,7 @@ def run(
         float,
         typer.Option("--time-limit", min=0.001, metavar="SECONDS", help="Processor time; a slower decision fails."),
     ] = 10.0,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Begin anew instead of going on.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Start over instead of continuing.")] = False,
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:

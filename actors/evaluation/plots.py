@@ -176,7 +176,7 @@ def plot_scatter(found: Sequence[Results], baseline: str, path: Path) -> None:
     reference = find(found, baseline)
     others = [results for results in found if results is not reference]
     if not others:
-        raise ResultsError(f"there is only {baseline!r}: a scatter plot needs the results of another planner too")
+        raise ResultsError(f"there is only {baseline!r}: a scatter plot needs the results of another planner, too")
     figure, axes = panels(len(others), 1.0)
     theirs = {episode.map: episode for episode in reference.episodes}
     for results, ax in zip(others, axes, strict=False):

@@ -1,4 +1,4 @@
-"""Shows how far an evaluation is, for the commands that run one."""
+"""The progress display of commands that run an evaluation."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def run_and_show(evaluation: Evaluation, planners: Sequence[str], jobs: int, con
             for name in rows:
                 file, done = evaluation.results_file(name), evaluation.done(name)
                 console.print(f"{file}: {done} of {evaluation.worlds} episodes", highlight=False)
-            console.print("broken off: the same command goes on from here", highlight=False)
+            console.print("interrupted: the same command continues from here", highlight=False)
             raise
     crashes = evaluation.crashes()
     for name in rows:

@@ -78,7 +78,7 @@ def table(
 @command_errors
 def plot(
     results: ResultsPaths,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the pictures; made when missing.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the pictures; created if missing.")],
     kind: Annotated[PlotKind, typer.Option("--kind", help="What to draw.")] = PlotKind.ALL,
     maps: Annotated[
         list[str] | None,
@@ -172,7 +172,7 @@ def video(
     found = read_results(results)
     episode = next((one for one in found.episodes if map_name in (None, one.map)), None)
     if episode is None:
-        raise ResultsError(f"{results} has no episode on map {map_name!r}: choose a map that stands in it")
+        raise ResultsError(f"{results} has no episode on map {map_name!r}: choose one of its maps")
     settings, worlds = settings_of(found, maps, limit, config, overrides, start, target)
     world = worlds.load(worlds.find([episode.map])[episode.map])
     count = write_video(found, episode, world, settings, out, fps=fps, width=width)
@@ -186,7 +186,7 @@ def card(
     results: ResultsPaths,
     planner: Annotated[str, typer.Option("--planner", metavar="NAME", help="The policy's name there.")] = "hdplanner",
 ) -> None:
-    """Note a policy's bench figures in its card, beside those of the other planners.
+    """Add a policy's benchmark figures to its card, along with those of the other planners.
 
     Examples:
     - `hd-eval card exploration.safetensors results/exploration/`
@@ -210,7 +210,7 @@ def replay(
 ) -> None:
     """Recount results from their waypoints alone, and say where they disagree.
 
-    Routes are driven again in the grid simulator: every figure is counted anew and every rule of the protocol is
+    Routes are driven again in the grid simulator: every figure is recomputed and every rule of the protocol is
     checked. The exit code is 1 when something disagrees.
 
     Examples:

@@ -1,4 +1,4 @@
-"""Figures of planners and paired comparisons: how much better, and whether that is real."""
+"""Statistics of planners and paired comparisons: how much better, and whether the difference is significant."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ def _wilcoxon(difference: NDArray[np.float64]) -> float:
 
 
 def _bootstrap_ratio(a: NDArray[np.float64], b: NDArray[np.float64], resamples: int) -> tuple[float, float]:
-    """Return the percentile interval of sum(a) / sum(b) when maps are drawn anew; nan for fewer than two maps."""
+    """Return the percentile interval of sum(a) / sum(b) over resampled maps; nan for fewer than two maps."""
     if len(a) < 2:
         return float("nan"), float("nan")
     stats = _scipy_stats()

@@ -260,7 +260,7 @@ class AdamConfig(Section):
 
 
 class SacConfig(Section):
-    """Discrete soft actor-critic over pairs of beacon and waypoint (paper, section IV; DESIGN, section 6)."""
+    """Discrete soft actor-critic over pairs of beacon and waypoint (paper, section IV; docs/design.md)."""
 
     gamma: Fraction = 0.99
     """Discount factor."""

@@ -1,4 +1,4 @@
-"""Lookouts: places near frontiers that no viewpoint at its usual place shows.
+"""Lookouts: places near frontiers that cannot be seen from any viewpoint at its usual place.
 
 One viewpoint stands for a whole piece, so what can be seen from elsewhere in the piece alone, such as from a doorway at
 its end, stays unseen. Once nothing else is left, the viewpoint of such a piece moves there; that of a robot with a

@@ -137,7 +137,7 @@ class Mapper(MapView):
         self._target = None if position is None else Target(position, self._config)
 
     def _rebuild(self, previous: ViewpointGraph | None) -> None:
-        """Start anew on a belief that was allocated anew: all of it counts as changed."""
+        """Start over on a reallocated belief: all of it counts as changed."""
         config = self._config
         self._generation = self.belief.generation
         self._origin = np.array(self.belief.origin)

@@ -1,4 +1,4 @@
-"""Utility: how many frontiers each viewpoint observes, without ever testing the same pair twice in vain.
+"""Utility: how many frontiers each viewpoint observes, without testing any pair again to no purpose.
 
 Every pair of a frontier and a viewpoint in range is in one of two states: in sight, or blocked by a cell that is
 remembered. A blocked pair stays blocked as long as that cell is not free, and a pair in sight stays in sight as long

@@ -1,4 +1,4 @@
-"""The policy network by ONNX Runtime: the third of three equal networks (torch, numpy, ONNX)."""
+"""The policy network in ONNX Runtime: the third of three equivalent implementations (torch, numpy, ONNX)."""
 
 from __future__ import annotations
 

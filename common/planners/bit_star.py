@@ -22,7 +22,7 @@ ITERATIONS_PER_SAMPLE: Final = 50
 
 
 class BitStarPlanner(FreeSpacePlanner):
-    """Plan a path by batch informed trees through free and unknown space, anew at each decision.
+    """Plan a path by batch informed trees through free and unknown space, from scratch at each decision.
 
     J. D. Gammell, S. S. Srinivasa, T. D. Barfoot: "Batch Informed Trees (BIT*): Sampling-based Optimal Planning via the
     Heuristically Guided Search of Implicit Random Geometric Graphs", IEEE International Conference on Robotics and
@@ -76,7 +76,7 @@ class BitStarPlanner(FreeSpacePlanner):
         self._random = np.random.default_rng(seed)
 
     def take_in(self, changed: Box | None) -> None:
-        """Do nothing: each search begins anew, with the grid as it is."""
+        """Do nothing: each search starts from scratch, with the grid as it is."""
         del changed
 
     def route(self, start: Position, goal: Position) -> list[Position] | None:

@@ -40,7 +40,7 @@ _Rows = tuple[NDArray[np.int64], NDArray[np.int32]]
 
 
 class CoveringTourPlanner(ViewpointPlanner):
-    """Cover all frontiers by viewpoints, take the shortest tour through these, and plan it anew at each viewpoint.
+    """Cover all frontiers by viewpoints, take the shortest tour through these, and replan it at each viewpoint.
 
     It is no published planner: it is what the privileged expert of this project's training does on the true map, done
     on the belief. Covering tours over frontiers are at the root of TARE (Cao et al. 2021) and of FUEL (B. Zhou, Y.

@@ -1,4 +1,4 @@
-"""The learned policy as a planner, beside the classical ones."""
+"""The learned policy as a planner."""
 
 from __future__ import annotations
 

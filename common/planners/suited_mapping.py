@@ -25,7 +25,7 @@ def warn_of_other_mapping(card: PolicyCard, config: MappingConfig) -> None:
     """
     differing = _differences(card, config)
     if differing:
-        log.warning("the policy of run %r was trained with another mapping: %s", card.run, ", ".join(differing))
+        log.warning("the policy of run %r was trained with a different mapping: %s", card.run, ", ".join(differing))
 
 
 def of_known_scale(card: PolicyCard, config: MappingConfig) -> bool:

@@ -1,4 +1,4 @@
-"""The commands `hd-eval large` and those that show what it made."""
+"""The command `hd-eval large` and those that show its results."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def large(
             help="Planners (see hd-eval planners), `omniscient`, or MODULE:CLASS.",
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results; made when missing.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; created if missing.")],
     task: TaskName = EXPLORATION.name,
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Number of worlds, from the first on.")] = 5,
     world: Annotated[
@@ -61,7 +61,7 @@ def large(
         float,
         typer.Option("--time-limit", min=0.001, metavar="SECONDS", help="Processor time; a slower decision fails."),
     ] = 10.0,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Begin anew instead of going on.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Start over instead of continuing.")] = False,
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
@@ -132,14 +132,14 @@ def large_table(
 @command_errors
 def large_plot(
     results: ResultsPaths,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the pictures; made when missing.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the pictures; created if missing.")],
     map_name: Annotated[
         list[str] | None,
         typer.Option("--map", metavar="NAME", help="World of the trajectories; may be repeated. [default: the first]"),
     ] = None,
     suffix: Annotated[str, typer.Option("--suffix", help="Format: png, svg or pdf.")] = "png",
 ) -> None:
-    """Draw explored volume against distance and time, and the driven ways.
+    """Draw explored volume against distance and time, and the driven routes.
 
     Example: `hd-eval large-plot exploration/ --out pictures/`
     """
