@@ -261,24 +261,22 @@ def _sightings(
     frontiers: NDArray[np.int64],
     numbers: NDArray[np.int32],
     nodes: int,
+    counts: NDArray[np.int32],
     width: int,
     blocks: Blocks,
     slots: NDArray[np.int32],
     pairs: Pairs,
-    used: int,
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """List the pairs in sight by node; see `FrontierUtility.sightings`."""
-    pointer = np.zeros(nodes + 1, dtype=np.int64)
-    for slot in range(used):
-        for k in range(pairs.count[slot]):
-            if pairs.state[slot, k] == IN_SIGHT:
-                node = numbers[pairs.piece[slot, k]]
-                if node >= 0:
-                    pointer[node + 1] += 1
+    # The counts tell how much room the rows take at most: they count frontiers that others stand for, too.
+    begin = np.zeros(nodes + 1, dtype=np.int64)
+    for piece in range(len(numbers)):
+        if numbers[piece] >= 0:
+            begin[numbers[piece] + 1] = counts[piece]
     for node in range(nodes):
-        pointer[node + 1] += pointer[node]
-    place = pointer[:nodes].copy()
-    seen = np.empty(pointer[nodes], dtype=np.int32)
+        begin[node + 1] += begin[node]
+    end = begin[:nodes].copy()
+    seen = np.empty(begin[nodes], dtype=np.int32)
     for f in range(len(frontiers)):
         slot = slots[block_at(blocks, frontiers[f], width)]
         if pairs.cell[slot] != frontiers[f]:
@@ -287,9 +285,17 @@ def _sightings(
             if pairs.state[slot, k] == IN_SIGHT:
                 node = numbers[pairs.piece[slot, k]]
                 if node >= 0:
-                    seen[place[node]] = f
-                    place[node] += 1
-    return pointer, seen
+                    seen[end[node]] = f
+                    end[node] += 1
+    size = 0
+    for node in range(nodes):
+        first = begin[node]
+        begin[node] = size
+        for k in range(first, end[node]):
+            seen[size] = seen[k]
+            size += 1
+    begin[nodes] = size
+    return begin, seen[:size]
 
 
 @njit(cache=True, nogil=True)
@@ -397,7 +403,7 @@ class FrontierUtility:
             ascending for each node, int32.
         """
         pointer, seen = _sightings(
-            frontiers, numbers, nodes, self._width, self._blocks, self._slots, self._pairs, self._used
+            frontiers, numbers, nodes, self.counts, self._width, self._blocks, self._slots, self._pairs
         )
         return pointer, seen
 
