@@ -351,8 +351,7 @@ class FrontierUtility:
         self.counts = np.zeros(graph.used, dtype=np.int32)
         self._slots = np.full(self._blocks.rows * self._blocks.columns, -1, dtype=np.int32)
         self._used = 0
-        nothing = np.empty(0, dtype=np.int32)
-        self._pairs = Pairs(nothing, nothing, nothing, *np.empty((2, 0, 64), dtype=np.int32))
+        self._pairs = _room(0, 64)
 
     def update(self, cells: NDArray[np.int8], frontiers: FrontierChanges) -> None:
         """Bring the counts up to date; the graph must be so already.
@@ -420,22 +419,32 @@ class FrontierUtility:
         return found, weights
 
     def _reserve(self, slots: int) -> None:
+        """Make room for so many slots, and for the viewpoints in range of one."""
         graph, pairs = self._graph, self._pairs
         if graph.used > len(self.counts):
-            self.counts = _lengthened(self.counts, graph.used)
-        if slots > len(pairs.cell):
+            self.counts = np.concatenate([self.counts, np.zeros(graph.used - len(self.counts), dtype=np.int32)])
+        capacity, width = pairs.piece.shape
+        if slots > capacity:
             capacity = max(256, 2 * slots)
-            self._pairs = pairs = Pairs(*(_lengthened(each, capacity) for each in pairs))
-        width = pairs.piece.shape[1]
         if graph.used > width and (len(graph.fresh) or not self._used):
             most = int(_most_pairs(graph.pieces, graph.first_of, *graph.dirty.shape, self._squares))
             if most > width:
-                wider = np.empty((2, len(pairs.cell), most + most // 2), dtype=np.int32)
-                wider[0, :, :width], wider[1, :, :width] = pairs.piece, pairs.state
-                self._pairs = pairs._replace(piece=wider[0], state=wider[1])
+                width = most + most // 2
+        if (capacity, width) != pairs.piece.shape:
+            self._pairs = _room(capacity, width)
+            _copy_pairs(pairs, self._pairs, self._used)
 
 
-def _lengthened(old: NDArray[np.int32], length: int) -> NDArray[np.int32]:
-    new = np.zeros((length, *old.shape[1:]), dtype=np.int32)
-    new[: len(old)] = old
-    return new
+def _room(capacity: int, width: int) -> Pairs:
+    """Return pairs for so many slots and viewpoints each; memory that nothing is written to is never really taken."""
+    return Pairs(*np.empty((3, capacity), dtype=np.int32), *np.empty((2, capacity, width), dtype=np.int32))
+
+
+@njit(cache=True, nogil=True)
+def _copy_pairs(old: Pairs, new: Pairs, used: int) -> None:
+    """Copy what is in use: rows are a fraction full, and a copy of whole ones would make a step wait."""
+    for slot in range(used):
+        count = old.count[slot]
+        new.cell[slot], new.weight[slot], new.count[slot] = old.cell[slot], old.weight[slot], count
+        new.piece[slot, :count] = old.piece[slot, :count]
+        new.state[slot, :count] = old.state[slot, :count]

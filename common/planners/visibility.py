@@ -158,11 +158,14 @@ def unknown_in_sight(
     """
     belief = mapper.belief
     padded = belief.padded
+    entrances = np.zeros(padded.shape, dtype=np.bool_)
+    columns, rows = (subcells(belief, mapper.frontiers) >> SUBCELL_BITS).T
+    entrances[rows, columns] = True
     angles = (np.arange(rays, dtype=np.float64) + 0.5) * (2.0 * np.pi / rays)
     areas = _unknown_in_sight(
         padded.reshape(-1),
         padded.shape[1],
-        mapper.frontier_mask.reshape(-1),
+        entrances.reshape(-1),
         subcells(belief, points),
         reach / belief.resolution,
         angles,
