@@ -7,36 +7,121 @@ as no cell was lost, so an update tests a line of sight only when its answer can
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from common.config.schema import MappingConfig
 from common.jit import njit
 from common.mapping.belief import Belief
-from common.mapping.frontiers import FrontierChanges
+from common.mapping.frontiers import FrontierChanges, Frontiers
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS, cell_middle
 from common.mapping.sight import CLEAR, FREE, Box, blocker, may_touch
 from common.mapping.squares import Layout
+from common.mapping.thinning import LISTED, Blocks, block_at, blocks_of, list_block
 from common.mapping.viewpoints import ViewpointGraph
 
 IN_SIGHT: Final = CLEAR
 
 
+class Pairs(NamedTuple):
+    """Frontiers, one of each block, and the viewpoints in range of them; all int32.
+
+    Attributes:
+        cell: flat cell that each slot's pairs are drawn to, shape (capacity,).
+        weight: frontier cells for which it stands, itself included.
+        count: pairs of each slot.
+        piece: their pieces, shape (capacity, most).
+        state: IN_SIGHT or the blocking cell, same shape.
+    """
+
+    cell: NDArray[np.int32]
+    weight: NDArray[np.int32]
+    count: NDArray[np.int32]
+    piece: NDArray[np.int32]
+    state: NDArray[np.int32]
+
+
+@njit(cache=True, nogil=True)
+def _regroup(
+    mask: NDArray[np.bool_],
+    width: int,
+    blocks: Blocks,
+    cells: NDArray[np.int32],
+    counts: NDArray[np.int32],
+    slots: NDArray[np.int32],
+    pairs: Pairs,
+    used: int,
+    listed: NDArray[np.int32],
+    size: int,
+) -> tuple[int, int]:
+    """Bring the blocks of some cells up to date: give up slots whose cell stands for its block no more.
+
+    Args:
+        mask: frontier cells of the padded grid, flat, bool.
+        width: its cells per row.
+        blocks: of the grid.
+        cells: flat cells that became frontiers or ceased to be, int32.
+        counts: see `_update_pairs`.
+        slots: likewise.
+        pairs: likewise.
+        used: slots in use.
+        listed: receives the blocks that need a slot, int32.
+        size: how many are listed already.
+
+    Returns:
+        Slots in use now, and how many blocks are listed.
+    """
+    members = np.empty(blocks.side * blocks.side, dtype=np.int32)
+    for cell in cells:
+        block = block_at(blocks, cell, width)
+        slot = slots[block]
+        if slot == LISTED:
+            continue
+        weight = list_block(mask, width, blocks, block, members)
+        if slot >= 0:
+            gained = weight - pairs.weight[slot]
+            if weight and pairs.cell[slot] == members[0]:
+                if gained:
+                    pairs.weight[slot] = weight
+                    for k in range(pairs.count[slot]):
+                        if pairs.state[slot, k] == IN_SIGHT:
+                            counts[pairs.piece[slot, k]] += gained
+                continue
+            for k in range(pairs.count[slot]):
+                if pairs.state[slot, k] == IN_SIGHT:
+                    counts[pairs.piece[slot, k]] -= pairs.weight[slot]
+            used -= 1
+            if slot != used:
+                count = pairs.count[used]
+                pairs.count[slot] = count
+                pairs.piece[slot, :count] = pairs.piece[used, :count]
+                pairs.state[slot, :count] = pairs.state[used, :count]
+                pairs.cell[slot] = pairs.cell[used]
+                pairs.weight[slot] = pairs.weight[used]
+                slots[block_at(blocks, pairs.cell[slot], width)] = slot
+            slots[block] = -1
+        if weight:
+            slots[block] = LISTED
+            listed[size] = block
+            size += 1
+    return used, size
+
+
 @njit(cache=True, nogil=True)
 def _update_pairs(
     cells: NDArray[np.int8],
+    mask: NDArray[np.bool_],
     width: int,
+    blocks: Blocks,
     pieces: Any,
     first_of: NDArray[np.int32],
     layout: Layout,
     counts: NDArray[np.int32],
     reach: int,
     slots: NDArray[np.int32],
-    slot_cell: NDArray[np.int32],
-    pair_count: NDArray[np.int32],
-    pair_piece: NDArray[np.int32],
-    pair_state: NDArray[np.int32],
+    pairs: Pairs,
     used: int,
     added: NDArray[np.int32],
     removed: NDArray[np.int32],
@@ -47,21 +132,20 @@ def _update_pairs(
 ) -> int:
     """Bring the counts of observable frontiers up to date.
 
-    Frontiers live in slots 0 .. used - 1; the pairs of slot s are the first ``pair_count[s]`` of its row.
+    Blocks with frontiers live in slots 0 .. used - 1; the pairs of slot s are the first ``pairs.count[s]`` of its row.
 
     Args:
         cells: padded grid, flat, int8.
+        mask: its frontier cells, flat, bool.
         width: its cells per row.
+        blocks: of the grid.
         pieces: all pieces, see `common.mapping.pieces`.
         first_of: first piece of each square.
         layout: of the squares.
         counts: frontiers in range and in sight of each piece's viewpoint, int32; brought up to date.
         reach: observable range, subcells.
-        slots: slot of each cell or -1, int32, flat.
-        slot_cell: flat cell of each slot, int32.
-        pair_count: pairs of each slot, int32.
-        pair_piece: their pieces, int32, shape (capacity, most).
-        pair_state: IN_SIGHT or the blocking cell, int32, same shape.
+        slots: slot of each block or -1, int32.
+        pairs: of the slots.
         used: slots in use.
         added: flat cells of new frontiers, int32.
         removed: flat cells that are frontiers no more, int32.
@@ -74,27 +158,16 @@ def _update_pairs(
         Slots in use now.
     """
     any_lost = lost[1] >= 0
-    for i in range(len(removed)):
-        slot = slots[removed[i]]
-        slots[removed[i]] = -1
-        for k in range(pair_count[slot]):
-            if pair_state[slot, k] == IN_SIGHT:
-                counts[pair_piece[slot, k]] -= 1
-        used -= 1
-        if slot != used:
-            count = pair_count[used]
-            pair_count[slot] = count
-            pair_piece[slot, :count] = pair_piece[used, :count]
-            pair_state[slot, :count] = pair_state[used, :count]
-            slot_cell[slot] = slot_cell[used]
-            slots[slot_cell[slot]] = slot
+    listed = np.empty(len(added) + len(removed), dtype=np.int32)
+    used, size = _regroup(mask, width, blocks, removed, counts, slots, pairs, used, listed, 0)
+    used, size = _regroup(mask, width, blocks, added, counts, slots, pairs, used, listed, size)
 
     counts[fresh] = 0
     is_ended = np.zeros(len(pieces), dtype=np.bool_)
     is_ended[ended] = True
     reach_cells = (reach >> SUBCELL_BITS) + 2
     for slot in range(used):
-        row, column = slot_cell[slot] // width, slot_cell[slot] % width
+        row, column = pairs.cell[slot] // width, pairs.cell[slot] % width
         if (
             row < changed[0] - reach_cells
             or row > changed[1] + reach_cells
@@ -102,15 +175,16 @@ def _update_pairs(
             or column > changed[3] + reach_cells
         ):
             continue
-        x, y = cell_middle(slot_cell[slot], width)
-        count = pair_count[slot]
+        x, y = cell_middle(pairs.cell[slot], width)
+        weight = pairs.weight[slot]
+        count = pairs.count[slot]
         k = 0
         while k < count:
-            piece, state = pair_piece[slot, k], pair_state[slot, k]
+            piece, state = pairs.piece[slot, k], pairs.state[slot, k]
             if is_ended[piece]:
                 count -= 1
-                pair_piece[slot, k] = pair_piece[slot, count]
-                pair_state[slot, k] = pair_state[slot, count]
+                pairs.piece[slot, k] = pairs.piece[slot, count]
+                pairs.state[slot, k] = pairs.state[slot, count]
                 continue
             if state == IN_SIGHT:
                 test = any_lost and may_touch(x, y, pieces[piece].x, pieces[piece].y, lost)
@@ -118,25 +192,27 @@ def _update_pairs(
                 test = cells[state] == FREE
             if test:
                 found = blocker(cells, width, x, y, pieces[piece].x, pieces[piece].y)
-                counts[piece] += (found == CLEAR) - (state == IN_SIGHT)
-                pair_state[slot, k] = found
+                counts[piece] += weight * ((found == CLEAR) - (state == IN_SIGHT))
+                pairs.state[slot, k] = found
             k += 1
         for f in range(len(fresh)):
             to_x, to_y = pieces[fresh[f]].x, pieces[fresh[f]].y
             if (to_x - x) ** 2 + (to_y - y) ** 2 <= reach * reach:
                 found = blocker(cells, width, x, y, to_x, to_y)
-                counts[fresh[f]] += found == CLEAR
-                pair_piece[slot, count], pair_state[slot, count] = fresh[f], found
+                counts[fresh[f]] += weight * (found == CLEAR)
+                pairs.piece[slot, count], pairs.state[slot, count] = fresh[f], found
                 count += 1
-        pair_count[slot] = count
+        pairs.count[slot] = count
 
     columns = len(layout.x)
-    for n in range(len(added)):
+    members = np.empty(blocks.side * blocks.side, dtype=np.int32)
+    for n in range(size):
         slot = used
         used += 1
-        slots[added[n]] = slot
-        slot_cell[slot] = added[n]
-        x, y = cell_middle(added[n], width)
+        slots[listed[n]] = slot
+        weight = list_block(mask, width, blocks, listed[n], members)
+        pairs.cell[slot], pairs.weight[slot] = members[0], weight
+        x, y = cell_middle(members[0], width)
         count = 0
         cell_low, cell_high = (
             max((y - reach) >> SUBCELL_BITS, 0),
@@ -151,11 +227,11 @@ def _update_pairs(
                         to_x, to_y = pieces[piece].x, pieces[piece].y
                         if (to_x - x) ** 2 + (to_y - y) ** 2 <= reach * reach:
                             found = blocker(cells, width, x, y, to_x, to_y)
-                            counts[piece] += found == CLEAR
-                            pair_piece[slot, count], pair_state[slot, count] = piece, found
+                            counts[piece] += weight * (found == CLEAR)
+                            pairs.piece[slot, count], pairs.state[slot, count] = piece, found
                             count += 1
                     piece = pieces[piece].next
-        pair_count[slot] = count
+        pairs.count[slot] = count
     return used
 
 
@@ -186,56 +262,62 @@ def _sightings(
     numbers: NDArray[np.int32],
     nodes: int,
     counts: NDArray[np.int32],
+    width: int,
+    blocks: Blocks,
     slots: NDArray[np.int32],
-    pair_count: NDArray[np.int32],
-    pair_piece: NDArray[np.int32],
-    pair_state: NDArray[np.int32],
+    pairs: Pairs,
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """List the pairs in sight by node; see `FrontierUtility.sightings`."""
-    pointer = np.zeros(nodes + 1, dtype=np.int64)
+    # The counts tell how much room the rows take at most: they count frontiers that others stand for, too.
+    begin = np.zeros(nodes + 1, dtype=np.int64)
     for piece in range(len(numbers)):
         if numbers[piece] >= 0:
-            pointer[numbers[piece] + 1] = counts[piece]
+            begin[numbers[piece] + 1] = counts[piece]
     for node in range(nodes):
-        pointer[node + 1] += pointer[node]
-    place = pointer[:nodes].copy()
-    seen = np.empty(pointer[nodes], dtype=np.int32)
+        begin[node + 1] += begin[node]
+    end = begin[:nodes].copy()
+    seen = np.empty(begin[nodes], dtype=np.int32)
     for f in range(len(frontiers)):
-        slot = slots[frontiers[f]]
-        for k in range(pair_count[slot]):
-            node = numbers[pair_piece[slot, k]]
-            if node >= 0 and pair_state[slot, k] == IN_SIGHT:
-                seen[place[node]] = f
-                place[node] += 1
-    return pointer, seen
+        slot = slots[block_at(blocks, frontiers[f], width)]
+        if pairs.cell[slot] != frontiers[f]:
+            continue
+        for k in range(pairs.count[slot]):
+            if pairs.state[slot, k] == IN_SIGHT:
+                node = numbers[pairs.piece[slot, k]]
+                if node >= 0:
+                    seen[end[node]] = f
+                    end[node] += 1
+    size = 0
+    for node in range(nodes):
+        first = begin[node]
+        begin[node] = size
+        for k in range(first, end[node]):
+            seen[size] = seen[k]
+            size += 1
+    begin[nodes] = size
+    return begin, seen[:size]
 
 
 @njit(cache=True, nogil=True)
 def _overlooked(
-    numbers: NDArray[np.int32],
-    pieces: Any,
-    slot_cell: NDArray[np.int32],
-    pair_count: NDArray[np.int32],
-    pair_piece: NDArray[np.int32],
-    pair_state: NDArray[np.int32],
-    used: int,
-) -> NDArray[np.int32]:
+    numbers: NDArray[np.int32], pieces: Any, pairs: Pairs, used: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return the frontiers that no viewpoint shows; see `FrontierUtility.overlooked`."""
     shows = np.zeros(len(pieces), dtype=np.bool_)
     for piece in range(len(pieces)):
         shows[piece] = numbers[piece] >= 0 and not pieces[piece].visited
-    found = np.empty(used, dtype=np.int32)
+    found, weight = np.empty(used, dtype=np.int32), np.empty(used, dtype=np.int32)
     size = 0
     for slot in range(used):
         shown = False
-        for k in range(pair_count[slot]):
-            if pair_state[slot, k] == IN_SIGHT and shows[pair_piece[slot, k]]:
+        for k in range(pairs.count[slot]):
+            if pairs.state[slot, k] == IN_SIGHT and shows[pairs.piece[slot, k]]:
                 shown = True
                 break
         if not shown:
-            found[size] = slot_cell[slot]
+            found[size], weight[size] = pairs.cell[slot], pairs.weight[slot]
             size += 1
-    return found[:size]
+    return found[:size], weight[:size]
 
 
 class FrontierUtility:
@@ -243,45 +325,57 @@ class FrontierUtility:
 
     Attributes:
         counts: frontiers in range and in line of sight of each piece's viewpoint, int32; void where it has none.
+        side: of the blocks of which one frontier cell stands for all, cells.
     """
 
-    def __init__(self, belief: Belief, graph: ViewpointGraph, observable_range: float, spacing: float) -> None:
-        self._graph = graph
-        self._reach = round(observable_range / belief.resolution * SUBCELLS)
-        # Squares that can hold viewpoints in range of one cell, in a row.
-        self._side = int(2 * observable_range / spacing) + 3
-        self.counts = np.zeros(graph.used, dtype=np.int32)
-        self._slots = np.full(belief.padded.size, -1, dtype=np.int32)
-        self._used = 0
-        self._slot_cell = np.empty(0, dtype=np.int32)
-        self._pair_count = np.empty(0, dtype=np.int32)
-        self._pair_piece, self._pair_state = np.empty((2, 0, 64), dtype=np.int32)
+    def __init__(
+        self, belief: Belief, frontiers: Frontiers, graph: ViewpointGraph, config: MappingConfig, *, side: int
+    ) -> None:
+        """Know of no frontier yet.
 
-    def update(self, cells: NDArray[np.int8], width: int, frontiers: FrontierChanges) -> None:
+        Args:
+            belief: its grid as it is allocated now.
+            frontiers: of the same generation.
+            graph: likewise.
+            config: ranges and spacing.
+            side: of the blocks, cells; 1 looks at each frontier cell.
+        """
+        self._graph = graph
+        self._mask = frontiers.padded_mask.reshape(-1)
+        self._width = belief.padded.shape[1]
+        self.side = side
+        self._blocks = blocks_of(belief, side)
+        self._reach = round(config.observable_range / belief.resolution * SUBCELLS)
+        # Squares that can hold viewpoints in range of one cell, in a row.
+        self._squares = int(2 * config.observable_range / config.viewpoint_spacing) + 3
+        self.counts = np.zeros(graph.used, dtype=np.int32)
+        self._slots = np.full(self._blocks.rows * self._blocks.columns, -1, dtype=np.int32)
+        self._used = 0
+        self._pairs = _room(0, 64)
+
+    def update(self, cells: NDArray[np.int8], frontiers: FrontierChanges) -> None:
         """Bring the counts up to date; the graph must be so already.
 
         Args:
             cells: padded grid, flat, int8.
-            width: its cells per row.
             frontiers: what became of the frontiers since the last update.
         """
         graph = self._graph
-        if graph.changed[1] < 0:
+        if graph.changed[1] < 0 and not len(frontiers.added):
             return
-        self._reserve(self._used + len(frontiers.added) - len(frontiers.removed))
+        self._reserve(self._used + len(frontiers.added) + len(frontiers.removed))
         self._used = _update_pairs(
             cells,
-            width,
+            self._mask,
+            self._width,
+            self._blocks,
             graph.pieces,
             graph.first_of,
             graph.layout,
             self.counts,
             self._reach,
             self._slots,
-            self._slot_cell,
-            self._pair_count,
-            self._pair_piece,
-            self._pair_state,
+            self._pairs,
             self._used,
             frontiers.added,
             frontiers.removed,
@@ -296,6 +390,8 @@ class FrontierUtility:
     ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
         """Return which frontiers each node observes, from what the last update knows; nothing is looked at again.
 
+        Of the frontiers of a block only the one that stands for them is listed.
+
         Args:
             frontiers: flat cells of the padded grid, all of them frontiers, int64, shape (m,).
             numbers: node number of each piece, -1 without one, int32.
@@ -306,47 +402,49 @@ class FrontierUtility:
             ascending for each node, int32.
         """
         pointer, seen = _sightings(
-            frontiers, numbers, nodes, self.counts, self._slots, self._pair_count, self._pair_piece, self._pair_state
+            frontiers, numbers, nodes, self.counts, self._width, self._blocks, self._slots, self._pairs
         )
         return pointer, seen
 
-    def overlooked(self, numbers: NDArray[np.int32]) -> NDArray[np.int32]:
-        """Return the frontiers that no node observes where the robot has not been, flat, int32, in no order.
+    def overlooked(self, numbers: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Return the frontiers that no node observes where the robot has not been, in no order.
 
         Args:
             numbers: node number of each piece, -1 without one, int32.
-        """
-        found: NDArray[np.int32] = _overlooked(
-            numbers, self._graph.pieces, self._slot_cell, self._pair_count, self._pair_piece, self._pair_state,
-            self._used,
-        )  # fmt: skip
-        return found
 
-    @property
-    def frontiers(self) -> NDArray[np.int32]:
-        """All frontiers of the last update, flat cells of the padded grid, int32, in no order."""
-        return self._slot_cell[: self._used]
+        Returns:
+            Flat cells, and how many frontier cells each stands for, both int32.
+        """
+        found, weights = _overlooked(numbers, self._graph.pieces, self._pairs, self._used)
+        return found, weights
 
     def _reserve(self, slots: int) -> None:
-        graph = self._graph
+        """Make room for so many slots, and for the viewpoints in range of one."""
+        graph, pairs = self._graph, self._pairs
         if graph.used > len(self.counts):
-            self.counts = _lengthened(self.counts, graph.used)
-        if slots > len(self._slot_cell):
+            self.counts = np.concatenate([self.counts, np.zeros(graph.used - len(self.counts), dtype=np.int32)])
+        capacity, width = pairs.piece.shape
+        if slots > capacity:
             capacity = max(256, 2 * slots)
-            self._slot_cell = _lengthened(self._slot_cell, capacity)
-            self._pair_count = _lengthened(self._pair_count, capacity)
-            self._pair_piece = _lengthened(self._pair_piece, capacity)
-            self._pair_state = _lengthened(self._pair_state, capacity)
-        width = self._pair_piece.shape[1]
-        if graph.used > width and len(graph.fresh):
-            most = int(_most_pairs(graph.pieces, graph.first_of, *graph.dirty.shape, self._side))
+        if graph.used > width and (len(graph.fresh) or not self._used):
+            most = int(_most_pairs(graph.pieces, graph.first_of, *graph.dirty.shape, self._squares))
             if most > width:
-                wider = np.empty((2, len(self._pair_piece), most + most // 2), dtype=np.int32)
-                wider[0, :, :width], wider[1, :, :width] = self._pair_piece, self._pair_state
-                self._pair_piece, self._pair_state = wider[0], wider[1]
+                width = most + most // 2
+        if (capacity, width) != pairs.piece.shape:
+            self._pairs = _room(capacity, width)
+            _copy_pairs(pairs, self._pairs, self._used)
 
 
-def _lengthened(old: NDArray[np.int32], length: int) -> NDArray[np.int32]:
-    new = np.zeros((length, *old.shape[1:]), dtype=np.int32)
-    new[: len(old)] = old
-    return new
+def _room(capacity: int, width: int) -> Pairs:
+    """Return pairs for so many slots and viewpoints each; memory that nothing is written to is never really taken."""
+    return Pairs(*np.empty((3, capacity), dtype=np.int32), *np.empty((2, capacity, width), dtype=np.int32))
+
+
+@njit(cache=True, nogil=True)
+def _copy_pairs(old: Pairs, new: Pairs, used: int) -> None:
+    """Copy what is in use: rows are a fraction full, and a copy of whole ones would make a step wait."""
+    for slot in range(used):
+        count = old.count[slot]
+        new.cell[slot], new.weight[slot], new.count[slot] = old.cell[slot], old.weight[slot], count
+        new.piece[slot, :count] = old.piece[slot, :count]
+        new.state[slot, :count] = old.state[slot, :count]
