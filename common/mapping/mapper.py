@@ -52,6 +52,9 @@ class Mapper(MapView):
             rises, so that differences tell what a step achieved.
     """
 
+    # Looks at each frontier, once the one that looks at one of a block finds nothing left.
+    _exact: FrontierUtility | None
+
     def __init__(
         self,
         config: MappingConfig,
@@ -158,7 +161,7 @@ class Mapper(MapView):
             self.belief, self._lattice_origin, config.viewpoint_spacing, config.robot_radius, previous
         )
         self._utility = self._thinned = self._new_utility(cells_a_block(config.resolution))
-        self._exact: FrontierUtility | None = None
+        self._exact = None
         self._frame = Frame(
             *self._lattice_origin, *self._graph.first, config.viewpoint_spacing, *self.belief.origin, config.resolution
         )
