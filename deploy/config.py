@@ -11,6 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from common.config.schema import Fraction, MappingConfig, Positive, Section
 from common.ids import ID_PATTERN
 from deploy.network_config import FramesConfig, RosConfig, TopicsConfig
+from deploy.outline import circumscribed_radius, inscribed_radius
 
 # Viewpoints of the shipped policies lie a fifth of the sensor's range apart.
 SPACINGS_IN_RANGE: Final = 5.0
@@ -162,7 +163,11 @@ class DrivingConfig(Section):
     max_turn_acceleration: Positive = 3.0
     """rad/s2."""
     robot_radius: Positive = 0.25
-    """Radius of the robot's circle, metres."""
+    """Radius of the robot's circle, metres; with a footprint that of the largest circle within it."""
+    footprint: tuple[Point, ...] = ()
+    """Corners (x, y) of the robot's outline in its own frame, metres: convex, and around (0, 0). Empty for a circle.
+    Velocities are checked with it; the graph keeps room for it in every direction unless `mapping.robot_radius` is
+    given."""
     clearance: NonNegative = 0.05
     """Room kept beyond the radius, metres."""
     lookahead: Positive = 0.8
@@ -171,6 +176,24 @@ class DrivingConfig(Section):
     """Side of the local costmap, metres."""
     costmap_resolution: Positive = 0.1
     """Cell of the local costmap, metres."""
+
+    @model_validator(mode="after")
+    def _circle_lies_within_footprint(self) -> DrivingConfig:
+        if self.footprint:
+            inscribed = inscribed_radius(self.footprint)
+            if "robot_radius" not in self.model_fields_set:
+                object.__setattr__(self, "robot_radius", inscribed)
+            elif self.robot_radius > inscribed + 1e-6:
+                raise ValueError(
+                    f"robot_radius ({self.robot_radius:g} m) must not exceed the largest circle within the footprint "
+                    f"({inscribed:.3f} m): leave it out"
+                )
+        return self
+
+    @property
+    def reach(self) -> float:
+        """Radius of the smallest circle that holds the robot, metres."""
+        return circumscribed_radius(self.footprint) if self.footprint else self.robot_radius
 
 
 class SafetyConfig(Section):
@@ -225,7 +248,8 @@ class RobotMappingConfig(MappingConfig):
     """Side of the squares that hold viewpoints, metres; a fifth of the sensor range when not given, as in training."""
     robot_radius: NonNegative = 0.3
     """Room that the viewpoint graph keeps for the robot's centre, metres: no edge leads through less clearance;
-    `driving.robot_radius` and `driving.clearance` together when not given."""
+    that of the robot, or of the circle around its footprint, and `driving.clearance` together when not given. A robot
+    that is longer than wide passes narrower doors with a smaller one, down to `driving.robot_radius`."""
 
 
 class DeployConfig(Section):
@@ -275,7 +299,7 @@ class DeployConfig(Section):
         mapping, driving = self.mapping, self.driving
         follows = {
             "viewpoint_spacing": max(mapping.sensor_range / SPACINGS_IN_RANGE, 2.0 * mapping.resolution),
-            "robot_radius": driving.robot_radius + driving.clearance,
+            "robot_radius": driving.reach + driving.clearance,
         }
         missing = {name: value for name, value in follows.items() if name not in mapping.model_fields_set}
         # Filled in here, and nowhere else, because it follows from two sections.

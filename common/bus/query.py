@@ -109,6 +109,7 @@ def ask(
     payload: bytes | None = None,
     *,
     everybody: bool = False,
+    attachment: bytes | None = None,
 ) -> list[zenoh.Reply]:
     """Ask once and return all replies, none when nobody is there.
 
@@ -118,6 +119,7 @@ def ask(
         timeout: seconds.
         payload: what goes with the question.
         everybody: ask all who can answer, not just the best one.
+        attachment: what goes beside the payload.
     """
     replies: SimpleQueue[zenoh.Reply | None] = SimpleQueue()
     session.get(
@@ -127,6 +129,7 @@ def ask(
         consolidation=zenoh.ConsolidationMode.NONE,
         timeout=timeout,
         payload=payload,
+        attachment=attachment,
     )
     result: list[zenoh.Reply] = []
     deadline = time.monotonic() + timeout + 1.0
@@ -141,7 +144,13 @@ def ask(
 
 
 def ask_until_answered(
-    session: zenoh.Session, selector: str, timeout: float, payload: bytes | None = None, *, everybody: bool = False
+    session: zenoh.Session,
+    selector: str,
+    timeout: float,
+    payload: bytes | None = None,
+    *,
+    everybody: bool = False,
+    attachment: bytes | None = None,
 ) -> list[zenoh.Reply]:
     """Ask again and again until somebody answers or the time is up; only for questions that may be repeated."""
     deadline = time.monotonic() + timeout
@@ -149,7 +158,7 @@ def ask_until_answered(
         left = deadline - time.monotonic()
         if left <= 0:
             return []
-        replies = ask(session, selector, left, payload, everybody=everybody)
+        replies = ask(session, selector, left, payload, everybody=everybody, attachment=attachment)
         if replies:
             return replies
         time.sleep(max(0.0, min(RETRY_SECONDS, deadline - time.monotonic())))

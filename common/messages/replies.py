@@ -73,5 +73,17 @@ class ControlReply:
 
 
 VERBS = ("status", "pause", "resume", "checkpoint", "stop")
-ROBOT_VERBS = ("status", "start", "pause", "resume", "abort", "return_home", "reset", "goal", "stop", "release")
+ROBOT_VERBS = (
+    "status",
+    "start",
+    "pause",
+    "resume",
+    "abort",
+    "return_home",
+    "reset",
+    "goal",
+    "explore",
+    "stop",
+    "release",
+)
 ALL_VERBS = tuple(dict.fromkeys(VERBS + ROBOT_VERBS))

@@ -20,9 +20,11 @@ from deploy.bridge.decision import DecisionLoop
 from deploy.bridge.drawing import draw
 from deploy.bridge.driver import Driver
 from deploy.bridge.inputs import Inputs
+from deploy.bridge.lifecycle_services import LifecycleServices
 from deploy.bridge.live import LivePolicy
 from deploy.bridge.metrics import Metrics
 from deploy.bridge.mission import Mission, Phase
+from deploy.bridge.navigate_action import NavigateAction
 from deploy.bridge.outcome import Outcome
 from deploy.bridge.outputs import Outputs
 from deploy.bridge.problems import LastProblem
@@ -67,6 +69,7 @@ class Bridge(Closing):
         self._config = config
         self._parts = ExitStack()
         self._lifecycle = Lifecycle()
+        self._ended = threading.Event()
         self._problems = self._parts.enter_context(LastProblem())
         try:
             with self._lifecycle.transition("configure"):
@@ -76,9 +79,9 @@ class Bridge(Closing):
             raise
 
     def run(self, stop: threading.Event) -> None:
-        """Decide until `stop` is set."""
+        """Decide until `stop` is set, or somebody shuts the bridge down as a lifecycle node."""
         due = time.monotonic()
-        while not stop.wait(max(0.0, due - time.monotonic())):
+        while not (stop.wait(max(0.0, due - time.monotonic())) or self._ended.is_set()):
             due = max(due + 1.0 / _PASSES, time.monotonic())
             try:
                 self._pass()
@@ -139,6 +142,9 @@ class Bridge(Closing):
         self._inputs.subscribe(node)
         commands = Commands(self._mission, self._gate, self.status, self._health.try_again)
         TopicCommands(commands, config, node)
+        LifecycleServices(node, self._lifecycle, commands, self._ended.set)
+        action = config.topics.navigate_action
+        self._action = enter(NavigateAction(node, config, commands, self._mission)) if action else None
         enter(ControlServer(node.session, config.name, commands, ROBOT_VERBS))
         enter(declare_presence(node.session, config.name, "robot", config.name))
         self._rivals = enter(Rivals(node.session, config.name, instance))
@@ -177,7 +183,9 @@ class Bridge(Closing):
         if now >= self._next_status:
             self._next_status = now + 1.0 / self._config.decision.status_rate
             status = self._reporter.status(outcome, self._lifecycle.state.label, self._gate.state)
-            self._outputs.status(status, outcome, self._map.statistics.explored_volume)
+            self._outputs.status(status, outcome, self._map.statistics.explored_volume, stamp, now)
+            if self._action is not None:
+                self._action.look(outcome, stamp, now)
         rate = self._config.decision.markers_rate
         if rate > 0.0 and now >= self._next_picture:
             self._next_picture = now + 1.0 / rate
@@ -185,6 +193,9 @@ class Bridge(Closing):
 
     def _follow_orders(self, outcome: Outcome) -> None:
         """Keep the lifecycle in step with the orders, and start by itself where that is wanted."""
+        if outcome.orders.moving and self._lifecycle.state is LifecycleState.UNCONFIGURED:
+            # An operator's start is as good as a manager's transitions.
+            self._lifecycle.trigger("configure")
         state, moving = self._lifecycle.state, outcome.orders.moving
         if moving and state is LifecycleState.INACTIVE:
             self._lifecycle.trigger("activate")

@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 # Of what a peer sent, an answer and the log repeat no more characters.
 _SHOWN: Final = 40
 # Commands that may set the robot in motion.
-_ORDERS: Final = frozenset({"start", "resume", "return_home", "goal"})
+_ORDERS: Final = frozenset({"start", "resume", "return_home", "goal", "explore"})
 # The watchdog confirms a release within this time, seconds.
 _CONFIRMED: Final = 1.0
 
@@ -81,6 +81,7 @@ class Commands:
             "abort": mission.abort,
             "return_home": mission.return_home,
             "reset": mission.reset,
+            "explore": mission.explore,
         }
 
     def __call__(self, request: ControlRequest) -> dict[str, Any]:
@@ -177,9 +178,8 @@ class TopicCommands:
         self._answer("goal", lambda: self._goal(goal.header.frame_id, pose_from_stamped(goal)[1].position))
 
     def _goal(self, frame: str, position: Position) -> tuple[str, dict[str, Any]]:
-        if frame.lstrip("/") not in {"", self._map_frame}:
-            raise CommandError(f"a target must be given in the frame {self._map_frame!r}, got {frame!r}")
-        return "goal", {"x": position[0], "y": position[1]}
+        x, y = target_in(self._map_frame, frame, position)
+        return "goal", {"x": x, "y": y}
 
     def _answer(self, text: str, read: Callable[[], tuple[str, Mapping[str, Any]]]) -> None:
         answer: dict[str, Any] = {"command": text, "ok": True, "error": ""}
@@ -194,6 +194,17 @@ class TopicCommands:
                 self._answers.publish(message("std_msgs/msg/String", data=json.dumps(answer)))
             except RosError as error:
                 log.warning("command %r could not be acknowledged: %s", text, error)
+
+
+def target_in(map_frame: str, frame: str, position: Position) -> Position:
+    """Return the position of a target that came with a frame.
+
+    Raises:
+        CommandError: it is another frame than the map's.
+    """
+    if frame.lstrip("/") not in {"", map_frame}:
+        raise CommandError(f"a target must be given in the frame {map_frame!r}, got {frame!r}")
+    return position
 
 
 def _of_topic(text: str) -> tuple[str, dict[str, Any]]:

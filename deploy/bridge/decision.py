@@ -141,11 +141,15 @@ class DecisionLoop:
         self._next, self._asked = now, None
         if orders.phase is Phase.RETURNING and orders.home is not None:
             self._oversight.begin(orders.home, now)
-            self.team.go_home(orders.home)
-        else:
-            self._oversight.begin(orders.target, now)
-            self._map.set_target(orders.target)
-            self.team.begin(self._mission.task.name, orders.target)
+            self.team.go_to(orders.home)
+            return
+        self._oversight.begin(orders.target, now)
+        self._map.set_target(orders.target)
+        if orders.task is self._mission.task:
+            self.team.begin(orders.task.name, orders.target)
+        elif orders.target is not None:
+            # An exploration that is left for a target: the planner in charge may know no targets.
+            self.team.go_to(orders.target)
 
     def _refresh(self, now: float) -> Mapper | None:
         mapper = self._map.refresh()
@@ -283,7 +287,8 @@ class DecisionLoop:
     def _nowhere(self, mapper: Mapper, place: Pose, plan: Plan) -> None:
         """Stand, because the planner has no waypoint; after enough checks the task is over."""
         found = diagnose(mapper, place, self._mapping)
-        exploring = not self._mission.task.needs_target and self._mission.orders.phase is not Phase.RETURNING
+        orders = self._mission.orders
+        exploring = not orders.task.needs_target and orders.phase is not Phase.RETURNING
         if plan.status is Status.STUCK or (exploring and not found.final):
             self._checks.reset()
             self._stand(plan.reason if found.final else found.text)
@@ -314,8 +319,9 @@ class DecisionLoop:
     def _end(self, phase: Phase, text: str) -> None:
         log.log(logging.INFO if self._unseen is None else logging.WARNING, "%s: %s", phase, text)
         self._stand("")
-        returning = self._mission.orders.phase is Phase.RETURNING
-        if phase is Phase.FINISHED and self._config.return_home and not returning:
+        orders = self._mission.orders
+        whole = orders.phase is not Phase.RETURNING and orders.task is self._mission.task
+        if phase is Phase.FINISHED and self._config.return_home and whole:
             self._mission.return_home(f"the task is done: {text}")
         else:
             self._mission.end(phase, text, self._episode)

@@ -9,7 +9,7 @@ from enum import StrEnum
 from math import hypot, inf, isfinite
 
 from common.planners.base import Position, TaskName
-from common.tasks import find_task
+from common.tasks import EXPLORATION, NAVIGATION, Task, find_task
 from deploy.bridge.words import CommandError
 
 
@@ -33,6 +33,7 @@ class Phase(StrEnum):
 
 
 MOVING = frozenset({Phase.RUNNING, Phase.RETURNING})
+_ENDED = frozenset({Phase.FINISHED, Phase.FAILED, Phase.ABORTED})
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +43,7 @@ class Orders:
     Attributes:
         phase: what the robot does.
         reason: why, in words for the operator.
+        task: of this moment; an exploration may be left for a target, and taken up again.
         target: of the navigation task, (x, y) in the map frame, metres.
         home: where the task began, or None before the start.
         episode: rises when a planner must begin anew: at a start, a new target, a reset, and on the way home.
@@ -51,6 +53,7 @@ class Orders:
 
     phase: Phase = Phase.IDLE
     reason: str = "waits for the command to start"
+    task: Task = EXPLORATION
     target: Position | None = None
     home: Position | None = None
     episode: int = 0
@@ -83,7 +86,7 @@ class Mission:
         """Begin idle.
 
         Args:
-            task: name of the task.
+            task: name of the task that a start begins.
             target: when it is known already; a task without one has none.
             reach: farthest target from the robot, metres.
             here: returns where the robot is, map frame; None while that is not known.
@@ -92,7 +95,7 @@ class Mission:
         self._reach = reach
         self._here = here
         self._lock = threading.Lock()
-        self._orders = Orders(target=target if self.task.needs_target else None)
+        self._orders = Orders(task=self.task, target=target if self.task.needs_target else None)
 
     @property
     def orders(self) -> Orders:
@@ -100,7 +103,9 @@ class Mission:
         return self._orders
 
     def start(self) -> None:
-        """Begin the task; while it runs already, nothing changes.
+        """Begin the task; while it runs already, or a target is on its way, nothing changes.
+
+        After a target that was gone to in the midst of an exploration, the exploration goes on.
 
         Raises:
             CommandError: the task has no target yet.
@@ -114,6 +119,8 @@ class Mission:
                 return
             if self.task.needs_target and orders.target is None:
                 raise CommandError("there is no target yet: send `goal X Y` first, or set decision.goal")
+            if orders.phase in _ENDED:
+                self._take_up_task()
             self._change(Phase.RUNNING, "started by command", new_episode=True)
 
     def pause(self) -> None:
@@ -175,13 +182,13 @@ class Mission:
             self._orders = replace(orders, map_resets=orders.map_resets + 1, episode=orders.episode + 1)
 
     def goal(self, target: Position) -> None:
-        """Set the target; a robot under way goes there at once, one that waits does with `start`.
+        """Set a target; a robot under way goes there at once, one that waits does with `start`.
+
+        An exploration is left for it, and taken up again by `explore`, or by `start` when the target is reached.
 
         Raises:
-            CommandError: the target is not finite or too far away, or the task has none.
+            CommandError: the target is not finite or too far away.
         """
-        if not self.task.needs_target:
-            raise CommandError("this bridge explores and takes no target: set decision.task=navigation and restart it")
         if not (isfinite(target[0]) and isfinite(target[1])):
             raise CommandError(f"a target must be two finite numbers in metres, got {target}")
         # Before the first pose, the frame's origin stands for the robot; the decision loop looks again when it begins.
@@ -189,9 +196,34 @@ class Mission:
         if far:
             raise CommandError(far)
         with self._lock:
-            self._orders = replace(self._orders, target=target)
-            if self._orders.phase in {Phase.RUNNING, Phase.FINISHED, Phase.FAILED}:
+            self._orders = replace(
+                self._orders, task=self.task if self.task.needs_target else NAVIGATION, target=target
+            )
+            if self._orders.phase in {*MOVING, Phase.FINISHED, Phase.FAILED}:
                 self._change(Phase.RUNNING, f"new target ({target[0]:.2f}, {target[1]:.2f})", new_episode=True)
+            elif self._orders.phase is Phase.ABORTED and not self.task.needs_target:
+                # The next start is meant for this target.
+                self._change(Phase.IDLE, "has a new target, and waits for the command to start")
+            elif self._orders.phase is Phase.PAUSED:
+                self._orders = replace(self._orders, paused=Phase.RUNNING, episode=self._orders.episode + 1)
+
+    def explore(self) -> None:
+        """Leave the target and go on exploring; a robot that waits does so with `start`.
+
+        Raises:
+            CommandError: the task has a target.
+        """
+        if self.task.needs_target:
+            raise CommandError("this bridge goes to targets: set decision.task=exploration and restart it")
+        with self._lock:
+            orders = self._orders
+            if orders.phase is Phase.RUNNING and orders.task is self.task:
+                return
+            self._take_up_task()
+            if orders.phase in {*MOVING, Phase.FINISHED, Phase.FAILED}:
+                self._change(Phase.RUNNING, "explores by command", new_episode=True)
+            elif orders.phase is Phase.PAUSED:
+                self._orders = replace(self._orders, paused=Phase.RUNNING, episode=orders.episode + 1)
 
     def begun(self, home: Position) -> None:
         """Note where the task began; the first call after a start counts."""
@@ -204,6 +236,10 @@ class Mission:
         with self._lock:
             if self._orders.episode == episode and self._orders.moving:
                 self._change(phase, reason)
+
+    def _take_up_task(self) -> None:
+        if not self.task.needs_target:
+            self._orders = replace(self._orders, task=self.task, target=None)
 
     def _change(self, phase: Phase, reason: str, *, new_episode: bool = False) -> None:
         episode = self._orders.episode + int(new_episode)

@@ -9,6 +9,7 @@ from typing import Any
 from common.geometry import Pose
 from common.planners.base import Position
 from common.tasks import find_task
+from deploy.bridge.diagnostics import diagnostics
 from deploy.bridge.mission import Phase
 from deploy.bridge.outcome import Outcome
 from deploy.bridge.status import Status
@@ -28,13 +29,14 @@ class Outputs:
         self._sent_pose: Position | None = None
         self._sent_aim: Position | None = None
         self._was_going = False
-        self._next_waypoint = float("-inf")
+        self._next_waypoint = self._next_diagnostics = float("-inf")
         for name, kind, qos in (
             ("waypoint", "geometry_msgs/msg/PointStamped", RELIABLE),
             ("waypoint_pose", "geometry_msgs/msg/PoseStamped", RELIABLE),
             ("path", "nav_msgs/msg/Path", RELIABLE),
             ("beacon", "geometry_msgs/msg/PointStamped", RELIABLE),
             ("status", "std_msgs/msg/String", RELIABLE),
+            ("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", RELIABLE),
             ("markers", "visualization_msgs/msg/MarkerArray", QoS(depth=1)),
             ("belief", "nav_msgs/msg/OccupancyGrid", LATCHED),
             ("speed", "std_msgs/msg/Float32", RELIABLE),
@@ -82,8 +84,16 @@ class Outputs:
         if outcome.decided:
             self._number("runtime", outcome.seconds)
 
-    def status(self, status: Status, outcome: Outcome, explored_volume: float) -> None:
-        """Publish the status and the figures of the CMU stack's planners."""
+    def status(self, status: Status, outcome: Outcome, explored_volume: float, stamp: float, now: float) -> None:
+        """Publish the status, the figures of the CMU stack's planners, and once a second the diagnostics.
+
+        Args:
+            status: of this moment.
+            outcome: of the last pass of the decision loop.
+            explored_volume: cubic metres.
+            stamp: robot time, seconds.
+            now: monotonic seconds.
+        """
         self._send("status", message("std_msgs/msg/String", data=json.dumps(status.to_json())))
         self._number("explored_volume", explored_volume)
         self._number("travelling_distance", status.distance)
@@ -92,6 +102,10 @@ class Outputs:
         self._send("finished", message("std_msgs/msg/Bool", data=finished))
         if find_task(status.task).needs_target:
             self._send("goal_reached", message("std_msgs/msg/Bool", data=finished))
+        if "diagnostics" in self._publishers and now >= self._next_diagnostics:
+            self._next_diagnostics = now + 1.0
+            ros = self._config.ros
+            self._send("diagnostics", diagnostics(status, stamp, ros.node, ros.distro))
 
     def belief(self, outcome: Outcome, stamp: float) -> None:
         """Publish the belief that the planner plans on."""

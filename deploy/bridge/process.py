@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import logging
-import signal
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
-from types import FrameType
 
 from deploy.bridge.bridge import Bridge
 from deploy.config import DeployConfig
+from deploy.signals import stopping_signals
 
 log = logging.getLogger(__name__)
 
@@ -22,7 +19,7 @@ def run_bridge(config: DeployConfig) -> None:
         HDError: it cannot start.
     """
     stop = threading.Event()
-    with _signals_set(stop), Bridge(config) as bridge:
+    with stopping_signals(stop), Bridge(config) as bridge:
         log.info(
             "robot %r: %s by %s, %s; waiting for %s",
             config.name,
@@ -33,21 +30,3 @@ def run_bridge(config: DeployConfig) -> None:
         )
         bridge.run(stop)
         log.info("the bridge ends")
-
-
-@contextmanager
-def _signals_set(stop: threading.Event) -> Iterator[None]:
-    """Set `stop` on SIGINT and SIGTERM within the `with`; a second SIGINT is a KeyboardInterrupt."""
-
-    def on_signal(number: int, frame: FrameType | None) -> None:
-        del frame
-        if stop.is_set() and number == signal.SIGINT:
-            raise KeyboardInterrupt
-        stop.set()
-
-    before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

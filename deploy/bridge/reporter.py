@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 
 from common.planners.learned import LearnedPlanner
-from common.tasks import find_task
 from deploy.bridge.inputs import Inputs
 from deploy.bridge.metrics import Metrics
 from deploy.bridge.outcome import Outcome
@@ -63,7 +62,7 @@ class Reporter:
             lifecycle=lifecycle,
             state=state,
             reason=reason,
-            task=find_task(self._config.decision.task).name,
+            task=orders.task.name,
             planner=outcome.planner,
             relieved=outcome.relieved,
             policy=self._policy(),

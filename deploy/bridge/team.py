@@ -79,10 +79,10 @@ class PlannerTeam:
         _begin(self._main, task, target)
         _begin(self._fallback, task, target)
 
-    def go_home(self, home: Position) -> None:
-        """Begin the way home."""
+    def go_to(self, target: Position) -> None:
+        """Begin the way to a place that is no part of the task: home, or a target in the midst of an exploration."""
         self._homing = True
-        self._home.reset(NAVIGATION.name, home, 0)
+        self._home.reset(NAVIGATION.name, target, 0)
 
     def relieve(self, now: float, why: str) -> None:
         """Put the fallback in charge for a while."""

@@ -56,6 +56,7 @@ class LocalCostmap:
         self.field = Field(np.full((cells, cells), cap), 0.0, 0.0, config.costmap_resolution, cap)
         self.points: Points = np.empty((0, 2))
         self._side = cells * config.costmap_resolution
+        self._memory_radius = config.reach + config.clearance + _MEMORY_RADIUS
         self._memory: Points = np.empty((0, 2))
         self._seen: NDArray[np.float64] = np.empty(0)
 
@@ -71,7 +72,7 @@ class LocalCostmap:
         seen = np.ascontiguousarray(obstacles, dtype=np.float64).reshape(-1, 2)
         remembered = self._memory[now - self._seen <= _MEMORY_SECONDS]
         self.points = _thin(np.concatenate((seen, remembered)), self.field.left, self.field.bottom, side, _THIN)
-        near = seen[np.hypot(seen[:, 0] - x, seen[:, 1] - y) < self.room + _MEMORY_RADIUS]
+        near = seen[np.hypot(seen[:, 0] - x, seen[:, 1] - y) < self._memory_radius]
         self._memory = np.concatenate((near, remembered))
         self._seen = np.concatenate((np.full(len(near), now), self._seen[now - self._seen <= _MEMORY_SECONDS]))
         _measure(self.field, self.points)

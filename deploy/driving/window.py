@@ -2,14 +2,14 @@
 
 After Fox, Burgard and Thrun, "The dynamic window approach to collision avoidance", IEEE RAM 1997: only velocities count
 from which the robot can brake before every obstacle. Here the whole manoeuvre of braking is rolled out, with the delay
-of the drive, and checked against every obstacle point with the robot's circle.
+of the drive, and checked against every obstacle point with the robot's circle, and its outline where it has one.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import atan2, cos, exp, hypot, pi, sin
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from common.geometry import Pose
 from common.jit import njit
 from deploy.config import DrivingConfig
 from deploy.driving.costmap import Field, LocalCostmap, Points, lookup
+from deploy.outline import edges_of
 
 Velocity = tuple[float, float]
 
@@ -50,6 +51,20 @@ class Motion:
     interval: float
 
 
+class Body(NamedTuple):
+    """The robot's outline; kernels take it as it is.
+
+    Attributes:
+        edges: shape (n, 3): outward normal and distance from the centre of each edge; empty for a round robot.
+        rooms: for each obstacle point, how near to the outline it may come, metres.
+        reach: points farther from the centre are no matter, metres.
+    """
+
+    edges: NDArray[np.float64]
+    rooms: NDArray[np.float64]
+    reach: float
+
+
 class DynamicWindow:
     """Chooses velocities for one robot."""
 
@@ -58,6 +73,7 @@ class DynamicWindow:
         self._turns = np.linspace(-config.max_turn_rate, config.max_turn_rate, 15)
         self._points: Points = np.empty((0, 2))
         self._rooms: NDArray[np.float64] = np.empty(0)
+        self._body = _body_of(config)
         self._costmap: LocalCostmap | None = None
 
     def look(self, costmap: LocalCostmap, motion: Motion, lookahead: float) -> None:
@@ -69,9 +85,11 @@ class DynamicWindow:
         config = self._config
         speed = max(abs(motion.velocity[0]), abs(motion.base[0])) + config.max_acceleration * motion.interval
         braking = speed * (motion.interval + REACTION + 3.0 * LAG) + speed**2 / (2.0 * config.max_acceleration)
-        reach = max(braking, lookahead + 0.2) + costmap.field.cap
+        reach = max(braking, lookahead + 0.2) + max(costmap.field.cap, config.reach + config.clearance)
         self._points, distances = costmap.near(motion.pose.x, motion.pose.y, reach)
         self._rooms = np.minimum(costmap.room, distances)
+        gaps = _gaps(motion.pose.x, motion.pose.y, motion.pose.yaw, self._points, self._body)
+        self._body = self._body._replace(rooms=np.minimum(config.clearance, gaps))
         self._costmap = costmap
 
     def step(self, motion: Motion, target: Velocity) -> Velocity:
@@ -102,6 +120,7 @@ class DynamicWindow:
                 self._points,
                 self._rooms,
                 costmap.field,
+                self._body,
             )
         )
 
@@ -149,6 +168,7 @@ class DynamicWindow:
             self._points,
             self._rooms,
             costmap.field,
+            self._body,
         )
         best = int(np.argmin(costs))
         if not np.isfinite(costs[best]):
@@ -159,6 +179,11 @@ class DynamicWindow:
         if self._costmap is None:
             raise RuntimeError("call look() before choosing a velocity")
         return self._costmap
+
+
+def _body_of(config: DrivingConfig) -> Body:
+    edges = np.array(edges_of(config.footprint) if config.footprint else [], np.float64).reshape(-1, 3)
+    return Body(edges, np.empty(0), config.reach + config.clearance)
 
 
 @njit(cache=True, nogil=True)
@@ -184,6 +209,39 @@ def _room_left(x: float, y: float, points: Points, rooms: NDArray[np.float64], f
 
 
 @njit(cache=True, nogil=True)
+def _gap(cosine: float, sine: float, px: float, py: float, edges: NDArray[np.float64]) -> float:
+    """Return how far a point is outside of the outline, metres, negative inside; less than that before a corner."""
+    along, across = px * cosine + py * sine, py * cosine - px * sine
+    gap = -np.inf
+    for edge in range(len(edges)):
+        gap = max(gap, edges[edge, 0] * along + edges[edge, 1] * across - edges[edge, 2])
+    return gap
+
+
+@njit(cache=True, nogil=True)
+def _gaps(x: float, y: float, yaw: float, points: Points, body: Body) -> NDArray[np.float64]:
+    gaps = np.empty(len(points) if len(body.edges) else 0)
+    for index in range(len(gaps)):
+        gaps[index] = _gap(cos(yaw), sin(yaw), points[index, 0] - x, points[index, 1] - y, body.edges)
+    return gaps
+
+
+@njit(cache=True, nogil=True)
+def _hits(x: float, y: float, yaw: float, points: Points, body: Body) -> bool:
+    """Whether a point is nearer to the outline than it may come."""
+    if len(body.edges) == 0:
+        return False
+    cosine, sine = cos(yaw), sin(yaw)
+    for index in range(len(points)):
+        px, py = points[index, 0] - x, points[index, 1] - y
+        if px * px + py * py > body.reach * body.reach:
+            continue
+        if _gap(cosine, sine, px, py, body.edges) < body.rooms[index] - _TOLERANCE:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
 def _can_brake(
     x: float,
     y: float,
@@ -198,6 +256,7 @@ def _can_brake(
     points: Points,
     rooms: NDArray[np.float64],
     field: Field,
+    body: Body,
 ) -> bool:
     """Roll a command out for `hold` seconds, then brake to a stand; False when an obstacle comes too near."""
     step = _BRAKE_STEP
@@ -215,9 +274,11 @@ def _can_brake(
         yaw += 0.5 * angular * step
         time += step
         room, _ = _room_left(x, y, points, rooms, field)
-        if room < -_TOLERANCE:
+        if room < -_TOLERANCE or _hits(x, y, yaw, points, body):
             return False
-        if command == 0.0 and abs(linear) < 0.01:
+        # A circle that turns sweeps nothing.
+        turning = len(body.edges) > 0 and (turn != 0.0 or abs(angular) > 0.02)
+        if command == 0.0 and abs(linear) < 0.01 and not turning:
             return True
     return False
 
@@ -244,6 +305,7 @@ def _judge(
     points: Points,
     rooms: NDArray[np.float64],
     field: Field,
+    body: Body,
 ) -> NDArray[np.float64]:
     """Return the cost of every sample; infinite where the robot could not brake after its first command."""
     costs = np.full(len(targets), np.inf)
@@ -253,7 +315,7 @@ def _judge(
         command, turn = commands[sample, 0], commands[sample, 1]
         if command < 0.0 or not _can_brake(
             x0, y0, yaw0, linear0, angular0, command, turn, acceleration, turn_acceleration, hold,
-            points, rooms, field,
+            points, rooms, field, body,
         ):  # fmt: skip
             continue
         x, y, yaw, linear, angular = x0, y0, yaw0, linear0, angular0
@@ -271,7 +333,7 @@ def _judge(
             time += step
             room, nearest = _room_left(x, y, points, rooms, field)
             least = min(least, nearest)
-            if room < -_TOLERANCE:
+            if room < -_TOLERANCE or _hits(x, y, yaw, points, body):
                 collision = 1.0 - time / (2.0 * _HORIZON)
                 break
         dx, dy = carrot_x - x, carrot_y - y

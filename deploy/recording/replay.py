@@ -209,11 +209,15 @@ class Replay:
         try:
             told = json.loads(status.data)
             state, target = str(told["state"]), told["target"]
+            task = told.get("task", self._mission.task.name)
         except (ValueError, TypeError, KeyError):
             return
         orders = self._mission.orders
-        if target is not None and self._mission.task.needs_target and orders.target != tuple(target):
+        asked = self._mission.task
+        if target is not None and (asked.needs_target or task != asked.name) and orders.target != tuple(target):
             self._mission.goal((float(target[0]), float(target[1])))
+        elif task == asked.name and orders.task is not asked:
+            self._mission.explore()
         if state in _MOVING and orders.phase.value in {"idle", "paused", "aborted"}:
             self._mission.start()
         elif state == "paused" and orders.moving:

@@ -21,6 +21,7 @@ from common.tasks import TASKS
 from deploy.config import DeployConfig
 from deploy.profiles import load_deploy_config
 from deploy.robot.options import DEFAULT_SCALE, RobotOptions
+from deploy.signals import stopping_signals
 
 DEFAULTS = RobotOptions()
 Position = tuple[float, float]
@@ -106,7 +107,7 @@ def robot(
     """Simulate a robot under physics behind the ROS 2 topics of a real one. Ctrl-C ends it."""
     setup_logging(log_level)
     with _extras("robot"):
-        from deploy.robot.process import run_robot, stopping_signals
+        from deploy.robot.process import run_robot
 
     options = checked_options(
         {
@@ -158,7 +159,6 @@ def demo(
     setup_logging(log_level, console=console if console.is_terminal else None)
     with _extras("demo"):
         from deploy.robot.demo import run_demo
-        from deploy.robot.process import stopping_signals
         from deploy.robot.trial import Trial
 
     TASKS.check(task)

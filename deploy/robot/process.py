@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import logging
-import signal
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from types import FrameType
 
 from deploy.config import DeployConfig
 from deploy.robot.interface import RobotInterface
@@ -48,24 +44,6 @@ def run_robot(options: RobotOptions, config: DeployConfig, stop: threading.Event
                 log.warning("the simulation reaches %.2f times real time of %g", pace.reached, options.speed_factor)
                 report = robot.time + 6.0 * _REPORT_SECONDS
         log.info("%.1f s, %.1f m, %d collisions", robot.time, robot.distance, robot.collisions)
-
-
-@contextmanager
-def stopping_signals(stop: threading.Event) -> Iterator[None]:
-    """Set `stop` on SIGINT and SIGTERM within the `with`; a second SIGINT is a KeyboardInterrupt."""
-
-    def on_signal(number: int, frame: FrameType | None) -> None:
-        del frame
-        if stop.is_set() and number == signal.SIGINT:
-            raise KeyboardInterrupt
-        stop.set()
-
-    before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _description(robot: SimulatedRobot, config: DeployConfig) -> str:

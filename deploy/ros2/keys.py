@@ -75,7 +75,7 @@ class Layout(ABC):
 
     @abstractmethod
     def topic_key(self, topic: str, kind: str) -> str:
-        """Return the key on which the messages of a topic go."""
+        """Return the key on which the messages of a topic, or the requests of a service, go."""
 
     @abstractmethod
     def node_token(self, node: NodeId) -> str | None:
@@ -84,6 +84,10 @@ class Layout(ABC):
     @abstractmethod
     def endpoint_token(self, role: Role, topic: str, kind: str, qos: QoS, node: NodeId, number: int) -> str:
         """Return the liveliness token of a publisher or subscription; `number` is unique in its session."""
+
+    @abstractmethod
+    def service_token(self, name: str, kind: str, node: NodeId, number: int, *, server: bool) -> str:
+        """Return the liveliness token of a service's server, or of a client of it."""
 
     @abstractmethod
     def gid(self, token: str) -> bytes | None:
@@ -122,6 +126,18 @@ class RmwZenoh(Layout):
             rmw_qos(qos),
         ))  # fmt: skip
 
+    def service_token(self, name: str, kind: str, node: NodeId, number: int, *, server: bool) -> str:
+        """Return the token by which `ros2 service list` finds the service."""
+        return "/".join((
+            self._prefix(node, number),
+            "SS" if server else "SC",
+            _node_path(node),
+            name.replace("/", "%"),
+            dds_type(kind),
+            type_hash(kind, self.distro),
+            rmw_qos(QoS(depth=10)),
+        ))  # fmt: skip
+
     def gid(self, token: str) -> bytes:
         """Return the 128-bit XXH3 hash of the token, low half first."""
         return xxhash.xxh3_128_intdigest(token.encode()).to_bytes(GID_SIZE, "little")
@@ -156,6 +172,12 @@ class Ros2dds(Layout):
         return (
             f"@/{node.zid}/@ros2_lv/{LETTERS[role]}/{key}/{kind.replace('/', '§')}/{bridge_qos(qos, kind, self.distro)}"
         )
+
+    def service_token(self, name: str, kind: str, node: NodeId, number: int, *, server: bool) -> str:
+        """Return the token by which bridges make the service known in their DDS networks."""
+        del number
+        key = self.topic_key(name, kind).replace("/", "§")
+        return f"@/{node.zid}/@ros2_lv/{'SS' if server else 'SC'}/{key}/{kind.replace('/', '§')}"
 
     def gid(self, token: str) -> None:
         """Return nothing: messages have no attachment."""

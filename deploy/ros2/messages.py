@@ -13,6 +13,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
+from deploy.ros2.definitions import add_services
 from deploy.ros2.errors import RosError
 
 Message = Any
@@ -26,14 +27,16 @@ DEFAULTS: dict[tuple[str, str], float] = {("geometry_msgs/msg/Quaternion", "w"):
 
 @functools.cache
 def typestore(distro: str = "jazzy") -> Typestore:
-    """Return the message definitions of a ROS 2 distribution.
+    """Return the message definitions of a ROS 2 distribution, with those of the services that are used here.
 
     Raises:
         RosError: for a distribution other than humble, jazzy and kilted.
     """
     if distro not in STORES:
         raise RosError(f"ROS 2 distribution must be one of {', '.join(STORES)}, got {distro!r}: correct ros.distro")
-    return get_typestore(STORES[distro])
+    store = get_typestore(STORES[distro])
+    add_services(store)
+    return store
 
 
 def check_kind(kind: str, distro: str = "jazzy") -> str:

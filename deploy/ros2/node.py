@@ -13,9 +13,10 @@ from deploy.network_config import RosConfig
 from deploy.ros2.dispatch import Dispatcher
 from deploy.ros2.endpoints import Endpoint, Latest, Publisher, Received, Subscription
 from deploy.ros2.keys import NodeId, Role, layout_of
-from deploy.ros2.messages import check_kind
+from deploy.ros2.messages import Message, check_kind
 from deploy.ros2.names import namespace, topic_name
 from deploy.ros2.qos import RELIABLE, QoS
+from deploy.ros2.services import Client, Service, ServiceEndpoint
 from deploy.ros2.session import open_session
 
 
@@ -32,6 +33,7 @@ class Node(Closing):
     Attributes:
         name: of the node.
         namespace: in full.
+        distro: distribution whose definitions are spoken.
         session: Zenoh's session, for what is no ROS topic.
     """
 
@@ -47,12 +49,14 @@ class Node(Closing):
             RosError: when a name or an endpoint is malformed, or an endpoint to listen on is taken.
         """
         self.name = name or config.node
+        self.distro = config.distro
         self.namespace = namespace(config.namespace)
         self._config = config
         self._remap = dict(remap or {})
         self._layout = layout_of(config.layout, config.domain, config.distro)
         self._numbers = itertools.count()
         self._endpoints: list[Publisher | Subscription] = []
+        self._services: list[Service] = []
         self._closed = False
         topic_name(self.name)
         self.session = open_session(config)
@@ -106,8 +110,34 @@ class Node(Closing):
         """
         return Latest(lambda callback: self._subscribe(topic, kind, callback, qos, raw=False))
 
+    def service(self, name: str, kind: str, handle: Callable[[Message], Message], threads: int = 1) -> Service:
+        """Offer a service; `handle(request)` makes the response, in threads of the service's own.
+
+        Args:
+            name: absolute, relative to the node's namespace, or below the node itself, such as `~/get_state`.
+            kind: such as `lifecycle_msgs/srv/GetState`.
+            handle: its HDErrors are the answer to the asker.
+            threads: that answer, where a response may take its time.
+
+        Raises:
+            RosError: for a malformed name or an unknown type.
+        """
+        service = Service(self.session, self._service_endpoint(name, kind, server=True), handle, threads)
+        self._services.append(service)
+        return service
+
+    def client(self, name: str, kind: str) -> Client:
+        """Return what calls a service; see `service`.
+
+        Raises:
+            RosError: for a malformed name or an unknown type.
+        """
+        return Client(self.session, self._service_endpoint(name, kind, server=False))
+
     def resolve(self, topic: str) -> str:
-        """Return the absolute, remapped name of a topic."""
+        """Return the absolute, remapped name of a topic or service."""
+        if topic.startswith("~/"):
+            topic = f"{self.namespace.rstrip('/')}/{self.name}/{topic.removeprefix('~/')}"
         return topic_name(topic, self.namespace, self._remap)
 
     def close(self) -> None:
@@ -115,6 +145,8 @@ class Node(Closing):
         if self._closed:
             return
         self._closed = True
+        for service in self._services:
+            service.close()
         self.session.close()
         self._dispatcher.close()
 
@@ -132,3 +164,10 @@ class Node(Closing):
         token = self._layout.endpoint_token(role, full, kind, qos, self._id, next(self._numbers))
         key = self._layout.topic_key(full, kind)
         return Endpoint(full, kind, self._config.distro, qos, key, token, self._layout.gid(token))
+
+    def _service_endpoint(self, name: str, kind: str, *, server: bool) -> ServiceEndpoint:
+        distro = self._config.distro
+        check_kind(f"{kind}_Request", distro)
+        full = self.resolve(name)
+        token = self._layout.service_token(full, kind, self._id, next(self._numbers), server=server)
+        return ServiceEndpoint(full, kind, distro, self._layout.topic_key(full, kind), token, self._layout.gid(token))

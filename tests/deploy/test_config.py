@@ -16,6 +16,11 @@ from deploy.profiles import DEPLOY, documentation, load_deploy_config
 PAGE = Path(__file__).parents[2] / "docs" / "deploy" / "parameters.md"
 
 
+def test_a_planner_may_be_named_by_its_module_and_class():
+    config = load_deploy_config(overrides=["decision.planner=my_robot.planners:Mine"])
+    assert config.decision.planner == "my_robot.planners:Mine"
+
+
 def test_the_page_of_parameters_is_current():
     assert PAGE.read_text("utf-8") == documentation(), "run `make docs`"
 

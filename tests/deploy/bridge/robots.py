@@ -1,5 +1,6 @@
 """A small robot on the bus: a point in the grid simulator that publishes scans and odometry and goes to waypoints."""
 
+import contextlib
 import json
 import threading
 import time
@@ -10,6 +11,7 @@ from common.closing import Closing
 from common.config.schema import SimulatorConfig
 from common.errors import SimulatorError
 from common.geometry import Pose
+from deploy.bridge.bridge import Bridge
 from deploy.config import DeployConfig
 from deploy.network_config import RosConfig
 from deploy.ros2 import SENSOR, Node, message
@@ -33,6 +35,20 @@ def network(**sections) -> tuple[RosConfig, DeployConfig]:
     }
     merged = {name: {**base.get(name, {}), **sections.get(name, {})} for name in {*base, *sections}}
     return router, settings(**merged)
+
+
+@contextlib.contextmanager
+def running_bridge(config):
+    """A bridge that decides in a thread, until the end of the `with` or its own; yields it and the thread."""
+    stop = threading.Event()
+    with Bridge(config) as bridge:
+        thread = threading.Thread(target=bridge.run, args=(stop,), daemon=True)
+        thread.start()
+        try:
+            yield bridge, thread
+        finally:
+            stop.set()
+            thread.join(10.0)
 
 
 class FakeRobot(Closing):

@@ -93,15 +93,16 @@ def test_every_command_is_acknowledged_on_the_bus(robot):
     assert ask(robot, "reset")["state"] == "aborted"
     with pytest.raises(BusError, match=r"refused 'pause': there is nothing to pause"):
         ask(robot, "pause")
-    with pytest.raises(BusError, match=r"refused 'goal': this bridge explores"):
-        ask(robot, "goal", x=1.0, y=2.0)
-    assert set(ROBOT_VERBS) == {*seen, "stop", "release", "reset", "goal"}
+    x, y = robot.pose.position
+    assert ask(robot, "goal", x=x + 1.0, y=y)["state"] == "idle"
+    assert ask(robot, "explore")["state"] == "idle"
+    assert set(ROBOT_VERBS) == {*seen, "stop", "release", "reset", "goal", "explore"}
 
 
 def test_every_command_is_acknowledged_on_topics(robot):
     robot.starts.publish(message("std_msgs/msg/Bool", data=True))
     assert eventually(lambda: len(robot.answers) == 1)
-    for text in ("pause", "resume", "return-home", "status", "abort", "goal 1 2", "dance", "pause now"):
+    for text in ("pause", "resume", "return-home", "status", "abort", "goal 1 2000", "dance", "pause now"):
         count = len(robot.answers)
         robot.say(text)
         assert eventually(lambda count=count: len(robot.answers) > count), text
@@ -110,7 +111,7 @@ def test_every_command_is_acknowledged_on_topics(robot):
     by_command = {answer["command"]: answer for answer in robot.answers}
     assert [by_command[c]["ok"] for c in ("start", "pause", "resume", "return-home", "abort")] == [True] * 5
     assert by_command["pause"]["state"] == "paused"
-    assert "explores and takes no target" in by_command["goal 1 2"]["error"]
+    assert "within 500 m of the robot" in by_command["goal 1 2000"]["error"]
     assert "must be one of status, start" in by_command["dance"]["error"]
     assert "takes no arguments" in by_command["pause now"]["error"]
     assert "in the frame 'map', got 'odom'" in by_command["goal"]["error"]

@@ -61,6 +61,21 @@ def test_a_target_is_reached_and_the_next_one_too():
     assert trial.pose.distance_to((46.0, 6.0)) <= 0.8
 
 
+def test_an_exploration_is_left_for_a_target_and_completed_afterwards():
+    # A planner that knows no targets, and a robot that is to come home when the exploration is done, not before.
+    trial = started(ROOMS, decision={"planner": "nearest", "return_home": True})
+    assert trial.run(60, lambda o: o.pose is not None and o.pose.distance_to(ROOMS.start) > 4.0).orders.moving
+    home = ROOMS.start
+    trial.mission.goal(home)
+    last = trial.run(60, ended)
+    assert (last.orders.phase, last.orders.task.name) == (Phase.FINISHED, "navigation")
+    assert trial.pose.distance_to(home) <= 0.8
+    trial.mission.start()
+    assert trial.run(300, lambda o: o.orders.phase is Phase.RETURNING).orders.reason.startswith("the task is done")
+    assert trial.run(100, ended).orders.task.name == "exploration"
+    assert trial.pose.distance_to(home) <= 0.8
+
+
 def test_a_target_that_cannot_be_reached_fails_after_several_checks():
     trial = started(ROOM, decision={"task": "navigation", "planner": "astar", "goal": [2.0, 2.0]})
     last = trial.run(60, ended)

@@ -61,7 +61,7 @@ def test_commands_that_make_no_sense_now_say_what_to_send_instead():
         (mission.pause, "nothing to pause, the robot is idle: send `start`"),
         (mission.resume, "nothing to resume"),
         (mission.return_home, "no home yet"),
-        (lambda: mission.goal((1.0, 2.0)), "decision.task=navigation"),
+        (Mission("navigation").explore, "decision.task=exploration"),
     ):
         with pytest.raises(CommandError, match=words):
             act()
@@ -84,6 +84,58 @@ def test_navigation_needs_a_target_and_takes_new_ones_on_its_way():
     assert mission.orders.phase is Phase.RUNNING
     with pytest.raises(CommandError, match="finite"):
         mission.goal((float("nan"), 0.0))
+
+
+def test_an_exploration_is_left_for_a_target_and_taken_up_again():
+    mission = Mission("exploration")
+    mission.start()
+    episodes = [mission.orders.episode]
+    mission.goal((4.0, 2.0))
+    assert (mission.orders.task.name, mission.orders.target) == ("navigation", (4.0, 2.0))
+    mission.start()
+    assert mission.orders.task.name == "navigation"
+    episodes.append(mission.orders.episode)
+    mission.explore()
+    assert (mission.orders.phase, mission.orders.task.name, mission.orders.target) == (
+        Phase.RUNNING,
+        "exploration",
+        None,
+    )
+    episodes.append(mission.orders.episode)
+    mission.explore()
+    assert mission.orders.episode == episodes[-1]
+    mission.goal((5.0, 2.0))
+    mission.end(Phase.FINISHED, "there", mission.orders.episode)
+    episodes.append(mission.orders.episode)
+    mission.start()
+    assert (mission.orders.task.name, mission.orders.target) == ("exploration", None)
+    assert len({*episodes, mission.orders.episode}) == 5
+
+
+@pytest.mark.parametrize("before", ["idle", "paused", "aborted"])
+def test_a_target_given_to_a_robot_that_waits_is_gone_to_when_it_starts(before):
+    mission = Mission("exploration")
+    if before != "idle":
+        mission.start()
+        mission.pause() if before == "paused" else mission.abort()
+    episode = mission.orders.episode
+    mission.goal((4.0, 2.0))
+    assert not mission.orders.moving
+    mission.start()
+    assert (mission.orders.phase, mission.orders.task.name) == (Phase.RUNNING, "navigation")
+    assert mission.orders.episode > episode
+
+
+def test_nobody_waits_for_a_target_on_the_way_home():
+    mission = Mission("exploration")
+    mission.start()
+    mission.begun((0.0, 0.0))
+    mission.return_home()
+    mission.goal((4.0, 2.0))
+    assert mission.orders.phase is Phase.RUNNING
+    mission.return_home()
+    mission.explore()
+    assert (mission.orders.phase, mission.orders.task.name) == (Phase.RUNNING, "exploration")
 
 
 @pytest.mark.parametrize(

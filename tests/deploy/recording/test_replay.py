@@ -71,6 +71,21 @@ def test_recorded_orders_are_followed(settings, messages):
     assert result.end[0] == "paused"
 
 
+def test_an_exploration_that_was_left_for_a_target_by_command_is_left_in_the_replay_too(settings, messages):
+    sensors = [one for one in messages if one.topic in {"/scan", "/odom"}]
+    text = "std_msgs/msg/String"
+    orders = [
+        recorded("/hd/status", text, 3.05, status("running", task="exploration")),
+        recorded("/hd/status", text, 6.0, status("running", task="navigation", target=[500.0, 0.0])),
+        recorded("/hd/status", text, 9.0, status("running", task="exploration")),
+    ]
+    tasks = []
+    player = Replay(settings, False, lambda outcome, now: tasks.append(outcome.orders.task.name))
+    player.run(sorted([*sensors, *orders], key=lambda one: one.time))
+    changes = [task for task, before in zip(tasks, [None, *tasks], strict=False) if task != before]
+    assert changes == ["exploration", "navigation", "exploration"]
+
+
 def test_a_dead_sensor_is_a_fault_in_the_replay_too(settings, messages):
     begin = messages[0].time
     dead = [one for one in messages if one.topic != "/scan" or one.time - begin < 5e9]

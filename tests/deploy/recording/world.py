@@ -78,8 +78,8 @@ def explore(settings: DeployConfig, seconds: float = 20.0) -> list[Recorded]:
     return sorted(sent, key=lambda one: one.time)
 
 
-def status(state: str):
-    return message(STRING, data=json.dumps({"state": state, "target": None}))
+def status(state: str, **more):
+    return message(STRING, data=json.dumps({"state": state, "target": None, **more}))
 
 
 def write(path: Path, messages: list[Recorded], settings: DeployConfig | None = None) -> Path:

@@ -1,0 +1,76 @@
+"""Looks at who else is on the robot's topics, and says what cannot work."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from typing import Final
+
+from deploy.relay.dds import DdsNode, Peer
+from deploy.relay.lanes import Lane
+from deploy.relay.routes import Direction, Route
+from deploy.ros2.messages import type_hash
+
+log = logging.getLogger(__name__)
+
+# Nodes that start together with the relay need a moment.
+_PATIENCE: Final = 5.0
+
+
+class Oversight:
+    """Finds wrong types, other sources of velocities, other nodes of the relay's name, and needed topics that lack.
+
+    Attributes:
+        problems: of this moment, each one sentence; each is logged once, when it appears.
+    """
+
+    def __init__(self, dds: DdsNode, lanes: Sequence[Lane], distro: str) -> None:
+        self._dds = dds
+        self._lanes = lanes
+        self._distro = distro
+        self.problems: list[str] = []
+
+    def look(self, age: float) -> None:
+        """Look once.
+
+        Args:
+            age: seconds since the relay began.
+        """
+        found: list[str] = []
+        if self._dds.namesakes() > 0:
+            found.append(f"another node in DDS has the name {self._dds.full_name}: is it a second relay? Stop one")
+        for lane in self._lanes:
+            found += self._of_route(lane.route, lane.messages, age)
+        for problem in found:
+            if problem not in self.problems:
+                log.warning("%s", problem)
+        self.problems = found
+
+    def _of_route(self, route: Route, messages: int, age: float) -> list[str]:
+        inwards = route.direction is Direction.TO_BRIDGE
+        publishers = self._dds.publishers_of(route.topic)
+        peers = publishers if inwards else self._dds.subscriptions_to(route.topic)
+        found = [self._of_type(route, peer) for peer in peers]
+        if route.moves:
+            found += [
+                f"{peer.node} publishes on {route.topic} as well: what it sends reaches the wheels past the watchdog, "
+                "in an emergency too: stop it, or put a multiplexer in between"
+                for peer in publishers
+            ]
+        if route.needed and not publishers and not messages and age > _PATIENCE:
+            found.append(f"nobody in DDS publishes {route.topic} ({route.kind}), which the bridge needs")
+        return [problem for problem in found if problem]
+
+    def _of_type(self, route: Route, peer: Peer) -> str:
+        what = f"{peer.node} speaks {peer.kind} on {route.topic}, and the profile {route.kind}"
+        if peer.kind != route.kind:
+            if "Twist" in peer.kind and route.moves:
+                return f"{what}: set driving.message={peer.kind.rsplit('/', 1)[1]}"
+            return f"{what}: no message goes between them; remap one of the two"
+        ours = type_hash(route.kind, self._distro)
+        if peer.type_hash and ours.startswith("RIHS") and peer.type_hash != ours:
+            return (
+                f"{peer.node} has another definition of {route.kind} on {route.topic} ({peer.type_hash}, here {ours}): "
+                "set ros.distro to the robot's distribution"
+            )
+        return ""

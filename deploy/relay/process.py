@@ -1,0 +1,59 @@
+"""The life of a relay process: it runs until a signal ends it."""
+
+from __future__ import annotations
+
+import logging
+import threading
+
+from common.bus.endpoint import is_loopback
+from common.errors import ConfigError
+from deploy.config import DeployConfig
+from deploy.relay.relay import Relay
+from deploy.ros2.session import guest_of
+from deploy.signals import stopping_signals
+
+log = logging.getLogger(__name__)
+
+
+def run_relay(config: DeployConfig) -> None:
+    """Run a relay until SIGINT or SIGTERM.
+
+    Raises:
+        HDError: it cannot start.
+    """
+    stop = threading.Event()
+    with stopping_signals(stop), Relay(config) as relay:
+        ros = config.ros
+        where = ", ".join(ros.listen or ros.connect)
+        log.info(
+            "robot %r: DDS domain %d as %s, Zenoh %s %s",
+            config.name,
+            relay.domain,
+            ros.node,
+            "router at" if ros.listen else "at",
+            where,
+        )
+        relay.run(stop)
+        log.info("the relay ends: %s", relay.counters())
+
+
+def as_router(config: DeployConfig) -> DeployConfig:
+    """Return the configuration of a relay that is the router which the bridge connects to.
+
+    A robot on DDS has no Zenoh router of its own, so the relay listens where the bridge is told to connect.
+
+    Raises:
+        ConfigError: that is another machine.
+    """
+    ros = config.ros
+    if ros.listen:
+        # The bridge is the router, and the relay its guest.
+        return config.model_copy(update={"ros": guest_of(ros)})
+    elsewhere = [endpoint for endpoint in ros.connect if not is_loopback(endpoint)]
+    if elsewhere or not ros.connect:
+        raise ConfigError(
+            "the relay is the router of the robot's Zenoh network, and ros.connect names "
+            f"{', '.join(elsewhere) or 'nothing'}: give the endpoint to listen on by --listen, or that of a router "
+            "that is there by --connect"
+        )
+    return config.model_copy(update={"ros": ros.model_copy(update={"listen": ros.connect, "connect": ()})})

@@ -1,0 +1,1 @@
+"""The nodes of HDPlanner as ROS 2 finds them."""
