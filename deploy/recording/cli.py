@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import tempfile
 import threading
 from collections.abc import Sequence
@@ -18,6 +17,7 @@ from rich.console import Console
 from common.cli import command_errors
 from common.logs import setup_logging
 from common.registry import refuse_modules
+from common.signals import stopping_signals
 from deploy.config import DeployConfig
 from deploy.profiles import load_deploy_config, named_parts
 
@@ -89,19 +89,12 @@ def record(
     folder = out or Path("recordings") / datetime.now().astimezone().strftime("%Y-%m-%d-%H-%M-%S")
     listener = Viewer(resolved.ros.distro).show if rerun else None
     stop = threading.Event()
-    previous = signal.signal(signal.SIGTERM, lambda *_: stop.set())
-    try:
-        with (
-            BagWriter(folder, resolved.ros.distro, compression, resolved) as bag,
-            Recorder(resolved, bag, topics or (), exclude or (), listener) as recorder,
-        ):
-            try:
-                recorder.run(stop, duration or float("inf"))
-            except KeyboardInterrupt:
-                # The usual way to end a recording.
-                stop.set()
-    finally:
-        signal.signal(signal.SIGTERM, previous)
+    with (
+        stopping_signals(stop.set, stop.is_set),
+        BagWriter(folder, resolved.ros.distro, compression, resolved) as bag,
+        Recorder(resolved, bag, topics or (), exclude or (), listener) as recorder,
+    ):
+        recorder.run(stop, duration or float("inf"))
     typer.echo(f"{bag.count} messages on {len(bag.topics)} topics, {bag.size / 1e6:.1f} MB: {folder}")
 
 

@@ -21,6 +21,7 @@ from typing import Any, Final
 from common.closing import Closing
 from common.errors import HDError
 from common.logs import setup_logging
+from common.signals import ignore_signals, on_signals
 from deploy.config import DeployConfig
 from deploy.ros2 import LATCHED, Node, message
 from deploy.safety.channel import Channel
@@ -74,7 +75,10 @@ class Watchdog(Closing):
 
     def run(self) -> None:
         """Watch until the bridge ends in order, or has been dead for `safety.zero_for`."""
-        self.tell_to_end_on(signal.SIGTERM)
+        with on_signals(self._told_to_end, signal.SIGTERM):
+            self._run()
+
+    def _run(self) -> None:
         while True:
             now = time.monotonic()
             self._hear_bridge(now)
@@ -88,14 +92,10 @@ class Watchdog(Closing):
                 return
             self._wait(min(self._next_velocity, self._next_report, self._next_status) - time.monotonic())
 
-    def tell_to_end_on(self, number: signal.Signals) -> None:
+    def _told_to_end(self, number: signal.Signals) -> None:
         """Take a signal for the bridge's death: the service is being stopped."""
-
-        def handle(*_: object) -> None:
-            self._rules.bridge_died(time.monotonic(), f"the watchdog was told to end by {number.name}")
-            self._wake()
-
-        signal.signal(number, handle)
+        self._rules.bridge_died(time.monotonic(), f"the watchdog was told to end by {number.name}")
+        self._wake()
 
     def close(self) -> None:
         """Leave the bus."""
@@ -206,8 +206,7 @@ class Watchdog(Closing):
 def main() -> int:
     """Run the watchdog at the end of a channel whose file descriptor is the first argument."""
     # Ctrl-C in a terminal ends the bridge, and through it the watchdog.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    ignore_signals(signal.SIGINT, signal.SIGHUP)
     with Channel(socket.socket(fileno=int(sys.argv[1]))) as channel:
         select.select([channel], [], [])
         try:
