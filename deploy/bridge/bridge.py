@@ -1,4 +1,4 @@
-"""The bridge process: wires inputs, decision loop, driver, commands and outputs together, and keeps them going."""
+"""The bridge process: wires inputs, decision and driving loop, commands and outputs together, and keeps them going."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from deploy.bridge.alone import NameProbe, Rivals, new_instance
 from deploy.bridge.commands import Commands, TopicCommands
 from deploy.bridge.decision import DecisionLoop
 from deploy.bridge.drawing import draw
-from deploy.bridge.driver import Driver
+from deploy.bridge.driving_loop import DrivingLoop
 from deploy.bridge.inputs import Inputs
 from deploy.bridge.lifecycle_services import LifecycleServices
 from deploy.bridge.live import LivePolicy
@@ -45,7 +45,7 @@ log = logging.getLogger(__name__)
 # Passes of the decision loop per second: what it must notice (a waypoint that is free no more) stops the robot within
 # half a second.
 _PASSES: Final = 10.0
-# A thread gives way to another this soon, seconds: the driver must not wait for a planner's arithmetic.
+# A thread gives way to another this soon, seconds: the driving loop must not wait for a planner's arithmetic.
 _SWITCH_INTERVAL: Final = 0.001
 # Phases in which nothing is asked of the robot; paused and aborted it has to stand.
 _FREE: Final = frozenset({Phase.IDLE, Phase.FINISHED, Phase.FAILED})
@@ -88,7 +88,7 @@ class Bridge(Closing):
             except Exception as error:
                 # The robot stands and the next pass tries again; what went wrong is told by the status.
                 log.exception("a pass of the decision loop failed")
-                self._driver.stand(f"a pass of the decision loop failed: {error}")
+                self._driving.stand(f"a pass of the decision loop failed: {error}")
 
     def close(self) -> None:
         """Stop the robot and leave: to finalized. Safe to call twice."""
@@ -128,8 +128,8 @@ class Bridge(Closing):
         self._outcome = self._loop.step()
         instance = new_instance()
         self._reporter = Reporter(config, self._inputs, self._metrics, self._map, self._team, self._problems, instance)
-        self._driver = enter(
-            Driver(
+        self._driving = enter(
+            DrivingLoop(
                 config,
                 self._map,
                 self._health,
@@ -169,10 +169,10 @@ class Bridge(Closing):
         if rivals:
             outcome = self._outcome = replace(outcome, hold=rivals, course=None, aim=None)
         if outcome.course is not None and not outcome.hold:
-            self._driver.follow(outcome.course.route)
+            self._driving.follow(outcome.course.route)
         else:
             orders = outcome.orders
-            self._driver.stand(outcome.hold or orders.reason, free=orders.phase in _FREE)
+            self._driving.stand(outcome.hold or orders.reason, free=orders.phase in _FREE)
         self._follow_orders(outcome)
         self._metrics.moved(now, self._inputs.travelled, under_way=outcome.orders.moving)
         if outcome.decided:
