@@ -181,7 +181,7 @@ class DrivingLoop(Closing):
         obstacles = self._surroundings.obstacles_near(pose, reach)
         command = self._planner.command(pose, self._velocity(), request.route, obstacles, period)
         self._held = ("", "")
-        self._gate.wish(command.linear, command.angular)
+        self._gate.command(command.linear, command.angular)
         # What the watchdog keeps from the wheels need not show in the pose.
         passed = (command.linear, command.angular) if self._gate.state.clear else (0.0, 0.0)
         self._health.commanded(now, *passed)

@@ -145,8 +145,8 @@ class SimulatedRobot(Closing):
         before = self._truth
         if self.follower is not None and self._follow_timer.due(time):
             period = 1.0 / self._config.driving.rate
-            wish = self.follower.command(before, self.base.commanded, self._obstacles, period, now)
-            self.base.receive(*wish, now, time)
+            command = self.follower.command(before, self.base.commanded, self._obstacles, period, now)
+            self.base.receive(*command, now, time)
         truth = self._simulator.advance(*self.base.advance(now, time, self.interval))
         self._steps += 1
         self._truth = truth

@@ -1,6 +1,6 @@
 """The watchdog process: it owns the velocity topic and outlives the bridge.
 
-It is started by `VelocityGate`, has a Zenoh session of its own, and trusts nothing of the bridge but its wishes.
+It is started by `VelocityGate`, has a Zenoh session of its own, and trusts nothing of the bridge but its commands.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Watchdog(Closing):
         self._connected = True
         self._last: Decision | None = None
         self._forwarded: float | None = None
-        self._new_wish = False
+        self._new_command = False
         self._sent = (0.0, 0.0)
         self._stop_sent: int | None = None
         self._next_velocity = self._next_report = self._next_status = 0.0
@@ -123,9 +123,9 @@ class Watchdog(Closing):
 
     def _take(self, packet: dict[str, Any], now: float) -> None:
         match packet["kind"]:
-            case "wish":
-                self._rules.wish(packet["sent"], packet["linear"], packet["angular"])
-                self._new_wish = True
+            case "command":
+                self._rules.command(packet["sent"], packet["linear"], packet["angular"])
+                self._new_command = True
             case "hold":
                 self._rules.hold(packet["reason"])
             case "resume":
@@ -145,10 +145,10 @@ class Watchdog(Closing):
             self._log_change(decision)
         self._last = decision
         due = now >= self._next_velocity
-        forward = self._new_wish and decision.mode is GateMode.CLEAR
+        forward = self._new_command and decision.mode is GateMode.CLEAR
         if changed or due or forward:
             self._next_velocity = now + 1.0 / self._config.driving.rate
-            self._new_wish = False
+            self._new_command = False
             if decision.velocity is not None:
                 self._sent = decision.velocity
                 self._output.velocity(*decision.velocity, self._inputs.robot_time(now))

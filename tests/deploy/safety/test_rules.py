@@ -16,11 +16,11 @@ def make(*, driving=True, **safety) -> GateRules:
     return GateRules(config, now=0.0)
 
 
-def healthy(rules: GateRules, now: float, wish=(0.5, 0.1)) -> GateRules:
+def healthy(rules: GateRules, now: float, command=(0.5, 0.1)) -> GateRules:
     rules.sensor_time = rules.pose_time = now
     rules.bridge_lives(now)
-    if wish is not None:
-        rules.wish(now, *wish)
+    if command is not None:
+        rules.command(now, *command)
     return rules
 
 
@@ -86,7 +86,7 @@ def test_beats_without_wishes_do_not_drive():
     rules.bridge_lives(1.5)
     rules.sensor_time = rules.pose_time = 1.5
     decision = rules.decide(1.5)
-    assert (decision.mode, decision.velocity) == (GateMode.WISH_STALE, ZERO)
+    assert (decision.mode, decision.velocity) == (GateMode.COMMAND_STALE, ZERO)
 
 
 def test_late_packets_do_not_make_the_bridge_younger():
@@ -106,7 +106,7 @@ def test_hold_lasts_until_the_next_wish_or_resume():
     rules.hold("planner failed")
     decision = rules.decide(1.0)
     assert (decision.mode, decision.velocity, decision.reason) == (GateMode.HELD, ZERO, "planner failed")
-    rules.wish(1.0, 0.3, 0.0)
+    rules.command(1.0, 0.3, 0.0)
     assert rules.decide(1.0).velocity == (0.3, 0.0)
 
     other = healthy(make(driving=False), 1.0, None)
