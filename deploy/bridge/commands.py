@@ -12,8 +12,8 @@ from typing import Any, Final, Protocol
 from common.errors import HDError
 from common.messages.replies import ROBOT_VERBS, ControlRequest
 from common.planners.base import Position
+from deploy.bridge.command_text import RELEASE, CommandError, parse, release_of
 from deploy.bridge.mission import Mission
-from deploy.bridge.words import RELEASE, CommandError, parse, release_of
 from deploy.config import DeployConfig
 from deploy.ros2 import Message, Node, Received, RosError, message
 from deploy.ros2.conversions import pose_from_stamped, position_from

@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from common.errors import HDError
+from deploy.bridge.command_text import parse
 from deploy.bridge.commands import Commands
 from deploy.bridge.decision import DecisionLoop
 from deploy.bridge.inputs import Inputs
 from deploy.bridge.mission import Mission
 from deploy.bridge.outcome import Outcome
 from deploy.bridge.team import make_team, with_planning_set
-from deploy.bridge.words import parse
 from deploy.config import DeployConfig
 from deploy.mapping.robot_map import RobotMap
 from deploy.recording.comparison import Decision
