@@ -27,9 +27,9 @@ from deploy.bridge.mission import Mission, Phase
 from deploy.bridge.navigate_action import NavigateAction
 from deploy.bridge.outcome import Outcome
 from deploy.bridge.outputs import Outputs
+from deploy.bridge.planner_selector import make_planners, with_planning_set
 from deploy.bridge.problems import LastProblem
 from deploy.bridge.reporter import Reporter
-from deploy.bridge.team import make_team, with_planning_set
 from deploy.bridge.velocity_watch import VelocityWatch
 from deploy.bridge.warmup import warm_up
 from deploy.config import DeployConfig
@@ -109,17 +109,17 @@ class Bridge(Closing):
         # A bridge that is the router itself has a network of its own.
         probe = None if config.ros.listen else enter(NameProbe(config))
         self._live = enter(LivePolicy(config)) if config.decision.live_run is not None else None
-        self._team = make_team(config)
+        self._planners = make_planners(config)
         decision = config.decision
         self._mission = Mission(decision.task, decision.goal, decision.goal_reach, self._position)
-        warm_up(config, self._team.members(config.decision.task))
+        warm_up(config, self._planners.members(config.decision.task))
         if probe is not None:
             # Before the watchdog: its zeros would stop the other bridge's robot.
             probe.check()
-        self._map = RobotMap(with_planning_set(config, self._team), self._mission.orders.target)
+        self._map = RobotMap(with_planning_set(config, self._planners), self._mission.orders.target)
         self._health = HealthMonitor(config.safety, sensor=config.sensing.source)
         self._inputs = Inputs(config, self._map, self._health)
-        self._loop = DecisionLoop(config, self._map, self._team, self._mission, self._health)
+        self._loop = DecisionLoop(config, self._map, self._planners, self._mission, self._health)
         self._metrics = Metrics()
         self._gate = enter(VelocityGate(config))
         node = enter(Node(behind_watchdog(config.ros), remap=config.topics.remap))
@@ -127,7 +127,9 @@ class Bridge(Closing):
         self._outputs = Outputs(node, config)
         self._outcome = self._loop.step()
         instance = new_instance()
-        self._reporter = Reporter(config, self._inputs, self._metrics, self._map, self._team, self._problems, instance)
+        self._reporter = Reporter(
+            config, self._inputs, self._metrics, self._map, self._planners, self._problems, instance
+        )
         self._driving = enter(
             DrivingLoop(
                 config,
@@ -163,7 +165,7 @@ class Bridge(Closing):
         if self._gate.latched:
             self._mission.emergency_stop(self._gate.state.reason)
         if self._live is not None:
-            self._live.refresh(self._team)
+            self._live.refresh(self._planners)
         outcome = self._outcome = self._loop.step()
         rivals = self._rivals.problem
         if rivals:
@@ -210,6 +212,6 @@ class Bridge(Closing):
     def _draw(self, outcome: Outcome, stamp: float, now: float) -> None:
         self._outputs.belief(outcome, stamp)
         spacing = self._config.mapping.viewpoint_spacing
-        drawn = draw(outcome, self._team.in_charge(now), stamp, self._config.frames.map, spacing)
+        drawn = draw(outcome, self._planners.in_charge(now), stamp, self._config.frames.map, spacing)
         if drawn is not None:
             self._outputs.markers(drawn)

@@ -19,7 +19,7 @@ from deploy.bridge.map_source import MapSource
 from deploy.bridge.mission import Mission, Orders, Phase, too_far
 from deploy.bridge.outcome import Course, Outcome
 from deploy.bridge.oversight import Oversight
-from deploy.bridge.team import PlannerError, PlannerTeam
+from deploy.bridge.planner_selector import PlannerError, PlannerSelector
 from deploy.bridge.unseen import Unseen
 from deploy.bridge.way_out import way_out
 from deploy.config import DeployConfig
@@ -39,7 +39,7 @@ class DecisionLoop:
 
     Usage::
 
-        loop = DecisionLoop(config, robot_map, make_team(config), Mission("exploration"), HealthMonitor(config.safety))
+        loop = DecisionLoop(config, robot_map, make_planners(config), Mission("exploration"), health)
         while True:
             outcome = loop.step()  # several times per decision: it plans when it is due
     """
@@ -48,7 +48,7 @@ class DecisionLoop:
         self,
         config: DeployConfig,
         robot_map: MapSource,
-        team: PlannerTeam,
+        planners: PlannerSelector,
         mission: Mission,
         health: HealthMonitor,
         *,
@@ -59,12 +59,12 @@ class DecisionLoop:
         Args:
             config: whole tree.
             robot_map: the robot's map.
-            team: the planners.
+            planners: the planners.
             mission: the robot's orders.
             health: watches the inputs.
             clock: seconds, monotonic; that of a recording when one is replayed.
         """
-        self.team = team
+        self.planners = planners
         self._config = config.decision
         self._mapping = config.mapping
         self._map = robot_map
@@ -141,15 +141,15 @@ class DecisionLoop:
         self._next, self._asked = now, None
         if orders.phase is Phase.RETURNING and orders.home is not None:
             self._oversight.begin(orders.home, now)
-            self.team.go_to(orders.home)
+            self.planners.go_to(orders.home)
             return
         self._oversight.begin(orders.target, now)
         self._map.set_target(orders.target)
         if orders.task is self._mission.task:
-            self.team.begin(orders.task.name, orders.target)
+            self.planners.begin(orders.task.name, orders.target)
         elif orders.target is not None:
             # An exploration that is left for a target: the planner in charge may know no targets.
-            self.team.go_to(orders.target)
+            self.planners.go_to(orders.target)
 
     def _refresh(self, now: float) -> Mapper | None:
         mapper = self._map.refresh()
@@ -206,7 +206,7 @@ class DecisionLoop:
         place = Pose(*way[-1], pose.yaw) if way else pose
         try:
             look = self._oversight.look_around(mapper, place, now) if way else None
-            plan = look or self.team.plan(mapper, place, now)
+            plan = look or self.planners.plan(mapper, place, now)
         except PlannerError as error:
             self._health.policy_failed(error)
             self._faults.append(Fault(FaultKind.POLICY_ERROR, str(error)))
@@ -278,7 +278,7 @@ class DecisionLoop:
         vain = self._oversight.watch(mapper, place, course, reached, now)
         if vain:
             self._oversight.give_up(course, vain, now)
-            self.team.relieve(now, vain)
+            self.planners.relieve(now, vain)
             self._stand(vain)
             self._next, self._asked = now, None
 
@@ -340,8 +340,8 @@ class DecisionLoop:
             hold=self._hold if orders.moving else "",
             course=self._course if orders.moving else None,
             aim=aim,
-            planner=self.team.in_charge(now).name,
-            relieved=self.team.why_relieved if self.team.relieved(now) else "",
+            planner=self.planners.in_charge(now).name,
+            relieved=self.planners.why_relieved if self.planners.relieved(now) else "",
             decided=decided,
             seconds=seconds,
             faults=tuple(self._faults),

@@ -22,19 +22,19 @@ from common.planners.learned import LearnedPlanner
 from common.policy import Policy
 from common.policy_file import PolicyCard
 from common.tasks import find_task
-from deploy.bridge.team import PlannerTeam
+from deploy.bridge.planner_selector import PlannerSelector
 from deploy.config import DeployConfig
 
 log = logging.getLogger(__name__)
 
 
 class LivePolicy(Closing):
-    """Gives a team the newest weights of a run; until the first have come, the team's own planner decides.
+    """Gives the planners the newest weights of a run; until the first have come, the one that was made decides.
 
     Usage::
 
         with LivePolicy(config) as live:
-            live.refresh(team)  # in the decision thread, before every pass
+            live.refresh(planners)  # in the decision thread, before every pass
 
     Attributes:
         version: policy version in use; -1 before the first.
@@ -66,7 +66,7 @@ class LivePolicy(Closing):
         self._thread = threading.Thread(target=self._look, name="live policy", daemon=True)
         self._thread.start()
 
-    def refresh(self, team: PlannerTeam) -> None:
+    def refresh(self, planners: PlannerSelector) -> None:
         """Load what has come since the last call.
 
         Weights that do not fit are logged and left alone: the policy in use stays in use.
@@ -78,7 +78,7 @@ class LivePolicy(Closing):
             return
         self._used = weights
         try:
-            self._load(found[0], weights, team)
+            self._load(found[0], weights, planners)
         except HDError as error:
             log.error("weights of version %d cannot be used: %s", weights.version, error)
             return
@@ -94,7 +94,7 @@ class LivePolicy(Closing):
                 self._found[1].close()
         self._session.close()
 
-    def _load(self, config: RunConfig, weights: Weights, team: PlannerTeam) -> None:
+    def _load(self, config: RunConfig, weights: Weights, planners: PlannerSelector) -> None:
         if self._planner is not None:
             self._planner.policy.load(weights.tensors, weights.version)
             return
@@ -112,7 +112,7 @@ class LivePolicy(Closing):
         )
         policy = Policy(config.network, weights.tensors, weights.version)
         planner = LearnedPlanner(self._mapping, policy=(policy, card))
-        team.main = planner
+        planners.main = planner
         self._planner = planner
 
     def _look(self) -> None:

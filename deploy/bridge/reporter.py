@@ -8,9 +8,9 @@ from common.planners.learned import LearnedPlanner
 from deploy.bridge.inputs import Inputs
 from deploy.bridge.metrics import Metrics
 from deploy.bridge.outcome import Outcome
+from deploy.bridge.planner_selector import PlannerSelector
 from deploy.bridge.problems import LastProblem
 from deploy.bridge.status import Policy, Status, state_of
-from deploy.bridge.team import PlannerTeam
 from deploy.config import DeployConfig
 from deploy.mapping.robot_map import RobotMap
 from deploy.safety.gate_state import GateState
@@ -25,7 +25,7 @@ class Reporter:
         inputs: Inputs,
         metrics: Metrics,
         robot_map: RobotMap,
-        team: PlannerTeam,
+        planners: PlannerSelector,
         problems: LastProblem,
         instance: str,
     ) -> None:
@@ -35,7 +35,7 @@ class Reporter:
         self._inputs = inputs
         self._metrics = metrics
         self._map = robot_map
-        self._team = team
+        self._planners = planners
         self._problems = problems
         self._counts = (0, 0, 0)
         self._area = 0.0
@@ -93,7 +93,7 @@ class Reporter:
         )
 
     def _policy(self) -> Policy | None:
-        planner = self._team.main
+        planner = self._planners.main
         if not isinstance(planner, LearnedPlanner) or planner.card is None:
             return None
         live = self._config.decision.live_run is not None and planner.card.run == self._config.decision.live_run

@@ -15,7 +15,7 @@ from deploy.bridge.decision import DecisionLoop
 from deploy.bridge.inputs import Inputs
 from deploy.bridge.mission import Mission
 from deploy.bridge.outcome import Outcome
-from deploy.bridge.team import make_team, with_planning_set
+from deploy.bridge.planner_selector import make_planners, with_planning_set
 from deploy.config import DeployConfig
 from deploy.mapping.robot_map import RobotMap
 from deploy.recording.comparison import Decision
@@ -101,12 +101,12 @@ class Replay:
         self._self_start = self_start
         self._listener = listener
         self._now = 0.0
-        team = make_team(config)
-        self._map = RobotMap(with_planning_set(config, team), config.decision.goal)
+        planners = make_planners(config)
+        self._map = RobotMap(with_planning_set(config, planners), config.decision.goal)
         self._health = HealthMonitor(config.safety, sensor=config.sensing.source)
         self._mission = Mission(config.decision.task, config.decision.goal)
         self._inputs = Inputs(config, self._map, self._health)
-        self._loop = DecisionLoop(config, self._map, team, self._mission, self._health, clock=lambda: self._now)
+        self._loop = DecisionLoop(config, self._map, planners, self._mission, self._health, clock=lambda: self._now)
         self._commands = Commands(self._mission, _NoGate(), dict)
         self._result = Replayed()
         self._takers = self._by_topic()

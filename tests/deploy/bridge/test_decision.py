@@ -183,9 +183,9 @@ def test_a_planner_that_fails_is_relieved_by_the_fallback_and_tried_again_later(
     assert second.planner == "nearest"
     assert "ZeroDivisionError" in second.relieved
     assert second.faults == ()
-    asked = trial.team.main.asked
+    asked = trial.planners.main.asked
     trial.run(8)
-    assert trial.team.main.asked > asked
+    assert trial.planners.main.asked > asked
 
 
 def test_a_planner_that_circles_is_relieved():
@@ -212,9 +212,9 @@ def test_a_robot_that_passed_its_waypoint_at_a_distance_decides_anew_at_the_end_
     while trial.pose.distance_to((10.0, 10.0)) > 0.01:
         trial._drive((10.0, 10.0), 0.2)
         trial.tick()
-    asked = trial.team.main.asked
+    asked = trial.planners.main.asked
     trial.run(2)
-    assert trial.team.main.asked > asked
+    assert trial.planners.main.asked > asked
 
 
 def test_a_waypoint_that_cannot_be_reached_is_left_alone_for_a_while():

@@ -13,7 +13,7 @@ from common.messages.replies import Spec
 from common.messages.weights import Weights
 from common.network.parameters import initial_parameters
 from deploy.bridge.live import LivePolicy
-from deploy.bridge.team import make_team
+from deploy.bridge.planner_selector import make_planners
 from tests.common.bus.processes import eventually, loopback
 from tests.common.planners.worlds import ROOMS
 from tests.deploy.bridge.offline import MAPPING, Trial, settings
@@ -36,7 +36,7 @@ def test_weights_are_taken_over_between_decisions_and_the_robot_never_waits_for_
     trial = Trial(ROOMS, config)
     trial.mission.start()
     with LivePolicy(config) as live:
-        live.refresh(trial.team)
+        live.refresh(trial.planners)
         assert trial.run(1).planner == "greedy"
         with (
             open_learner_session(bus) as session,
@@ -44,18 +44,18 @@ def test_weights_are_taken_over_between_decisions_and_the_robot_never_waits_for_
             WeightsPublisher(session, "office") as publisher,
         ):
             publisher.publish(weights(run, 3))
-            assert eventually(lambda: live.refresh(trial.team) or live.version == 3)
+            assert eventually(lambda: live.refresh(trial.planners) or live.version == 3)
             outcome = trial.run(1)
             assert outcome.planner == "hdplanner"
             assert outcome.course is not None
-            attention = trial.team.main.attention
+            attention = trial.planners.main.attention
             assert attention.waypoint_probabilities.sum() == pytest.approx(1.0, abs=1e-3)
             assert len(attention.beacons) == len(attention.beacon_probabilities)
             publisher.publish(weights(run, 4, seed=1))
-            assert eventually(lambda: live.refresh(trial.team) or live.version == 4)
-            assert trial.team.main.policy.version == 4
+            assert eventually(lambda: live.refresh(trial.planners) or live.version == 4)
+            assert trial.planners.main.policy.version == 4
         # The learner has gone: its last policy goes on deciding.
-        live.refresh(trial.team)
+        live.refresh(trial.planners)
         assert trial.run(1).planner == "hdplanner"
 
 
@@ -63,7 +63,7 @@ def test_weights_of_another_network_are_refused_and_the_policy_stays():
     bus = loopback()
     config = follow(bus)
     run = load_config(overrides=SMALL)
-    team = make_team(config)
+    planners = make_planners(config)
     with (
         LivePolicy(config) as live,
         open_learner_session(bus) as session,
@@ -71,10 +71,10 @@ def test_weights_of_another_network_are_refused_and_the_policy_stays():
         WeightsPublisher(session, "office") as publisher,
     ):
         publisher.publish(weights(run, 1))
-        assert eventually(lambda: live.refresh(team) or live.version == 1)
+        assert eventually(lambda: live.refresh(planners) or live.version == 1)
         publisher.publish(weights(load_config(overrides=[*SMALL, "network.width=32"]), 2))
         time.sleep(0.5)
-        live.refresh(team)
+        live.refresh(planners)
         assert live.version == 1
 
 
@@ -113,7 +113,7 @@ def test_a_run_in_somebodys_own_simulator_can_be_followed():
     bus = loopback()
     config = follow(bus)
     run = load_config(overrides=[*SMALL, "simulator.name=foreign_code:Simulator", "maps.train=generator:foreign:Maze"])
-    team = make_team(config)
+    planners = make_planners(config)
     with (
         LivePolicy(config) as live,
         open_learner_session(bus) as session,
@@ -121,4 +121,4 @@ def test_a_run_in_somebodys_own_simulator_can_be_followed():
         WeightsPublisher(session, "office") as publisher,
     ):
         publisher.publish(weights(run, 1))
-        assert eventually(lambda: live.refresh(team) or live.version == 1)
+        assert eventually(lambda: live.refresh(planners) or live.version == 1)
