@@ -18,7 +18,7 @@ from deploy.bridge.legs import begun_at, drivable, free_in, nothing_to_see
 from deploy.bridge.map_source import MapSource
 from deploy.bridge.mission import Mission, Orders, Phase, too_far
 from deploy.bridge.outcome import Course, Outcome
-from deploy.bridge.oversight import Oversight
+from deploy.bridge.plan_supervisor import PlanSupervisor
 from deploy.bridge.planner_selector import PlannerError, PlannerSelector
 from deploy.bridge.unseen import Unseen
 from deploy.bridge.way_out import way_out
@@ -71,7 +71,7 @@ class DecisionLoop:
         self._mission = mission
         self._health = health
         self._clock = clock
-        self._oversight = Oversight(config)
+        self._supervisor = PlanSupervisor(config)
         self._checks = CompletionChecks(config.decision.completion_checks)
         self._blocked = ""
         self._blocked_lock = threading.Lock()
@@ -127,7 +127,7 @@ class DecisionLoop:
             self._episode = orders.episode
             self._begin_episode(orders, now)
         if orders.moving and not self._was_moving:
-            self._oversight.wait(now)
+            self._supervisor.wait(now)
             self._next = now
         if not orders.moving:
             self._stand("")
@@ -140,10 +140,10 @@ class DecisionLoop:
         self._unseen = None
         self._next, self._asked = now, None
         if orders.phase is Phase.RETURNING and orders.home is not None:
-            self._oversight.begin(orders.home, now)
+            self._supervisor.begin(orders.home, now)
             self.planners.go_to(orders.home)
             return
-        self._oversight.begin(orders.target, now)
+        self._supervisor.begin(orders.target, now)
         self._map.set_target(orders.target)
         if orders.task is self._mission.task:
             self.planners.begin(orders.task.name, orders.target)
@@ -174,7 +174,7 @@ class DecisionLoop:
             # Nowhere to go: asked again on every new map, and not more often than the rate.
             return now >= self._next and (asked is None or asked[1] != self._version)
         if blocked:
-            self._oversight.give_up(course, blocked, now)
+            self._supervisor.give_up(course, blocked, now)
             return True
         if any(fault.kind is FaultKind.WAYPOINT_OCCUPIED for fault in self._faults) or self._arrived(mapper, pose):
             return True
@@ -185,7 +185,7 @@ class DecisionLoop:
 
     def _seen(self, mapper: Mapper, goal: Position) -> bool:
         """Whether nothing is left to see from where the robot is going."""
-        return goal != self._oversight.target and nothing_to_see(mapper, goal, self._mapping.viewpoint_spacing)
+        return goal != self._supervisor.target and nothing_to_see(mapper, goal, self._mapping.viewpoint_spacing)
 
     def _at_end(self, course: Course, pose: Pose) -> bool:
         """Whether the robot stands over the end of its route.
@@ -205,7 +205,7 @@ class DecisionLoop:
         way = self._way_to_place(mapper, pose)
         place = Pose(*way[-1], pose.yaw) if way else pose
         try:
-            look = self._oversight.look_around(mapper, place, now) if way else None
+            look = self._supervisor.look_around(mapper, place, now) if way else None
             plan = look or self.planners.plan(mapper, place, now)
         except PlannerError as error:
             self._health.policy_failed(error)
@@ -216,10 +216,10 @@ class DecisionLoop:
             return False
         self._health.policy_decided()
         self._faults = [fault for fault in self._faults if fault.kind not in _MENDED_BY_PLANNING]
-        if plan.status is Status.GOING and not self._oversight.allows(plan, place, now):
-            plan = self._oversight.around(mapper, place, now)
+        if plan.status is Status.GOING and not self._supervisor.allows(plan, place, now):
+            plan = self._supervisor.around(mapper, place, now)
         elif plan.status is not Status.GOING:
-            plan = self._oversight.second_look(mapper, place, plan, now)
+            plan = self._supervisor.second_look(mapper, place, plan, now)
         if plan.status is Status.GOING and plan.waypoint is not None:
             if not (stands and self._arrived(mapper, pose)):
                 plan = begun_at(mapper, pose, way, plan)
@@ -266,7 +266,7 @@ class DecisionLoop:
             beacon=plan.beacon,
             via=tuple(plan.via),
             path=tuple(plan.path),
-            route=drivable(mapper, plan, lambda start, end: self._oversight.may_enter(start, end, now)),
+            route=drivable(mapper, plan, lambda start, end: self._supervisor.may_enter(start, end, now)),
             with_room=mapper.has_room(waypoint),
             reason=plan.reason,
         )
@@ -275,9 +275,9 @@ class DecisionLoop:
 
     def _watch(self, course: Course, mapper: Mapper, place: Pose, reached: Position | None, now: float) -> None:
         """Look whether the robot gets anywhere, and try something else when it does not."""
-        vain = self._oversight.watch(mapper, place, course, reached, now)
+        vain = self._supervisor.watch(mapper, place, course, reached, now)
         if vain:
-            self._oversight.give_up(course, vain, now)
+            self._supervisor.give_up(course, vain, now)
             self.planners.relieve(now, vain)
             self._stand(vain)
             self._next, self._asked = now, None
@@ -348,6 +348,6 @@ class DecisionLoop:
             mapper=mapper,
             pose=pose,
             checks=self._checks.count,
-            bans=self._oversight.bans(now),
+            bans=self._supervisor.bans(now),
             unseen=self._unseen,
         )

@@ -31,7 +31,7 @@ _LOOKED_AT: Final = 1.0
 _NEAR: Final = 0.75
 
 
-class Oversight:
+class PlanSupervisor:
     """Knows where the robot may go, and notices when it gets nowhere.
 
     Attributes:
