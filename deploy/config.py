@@ -61,7 +61,7 @@ class SensingConfig(Section):
     """Values of an OccupancyGrid from here on are occupied."""
     grid_free: Annotated[int, Field(ge=0, le=99)] = 25
     """Values of an OccupancyGrid up to here are free; between the two they are unknown."""
-    pocket: NonNegative = 1.0
+    hole_area: NonNegative = 1.0
     """In exploration, an unknown area that known cells enclose and that is no larger counts as an obstacle and not as
     something to explore, square metres; 0 for none."""
     octomap: bool = False

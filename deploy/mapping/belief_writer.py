@@ -1,4 +1,4 @@
-"""Writing the robot's grid into the common belief: as it was seen but for rims and pockets, where something changed."""
+"""Writing the robot's grid into the common belief: as it was seen but for rims and holes, where something changed."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from common.mapping.sight import OCCUPIED, Box
 from deploy.config import DeployConfig
 from deploy.mapping.cells import CellGrid
 from deploy.mapping.footprint import clear_footprint, footprint_box
-from deploy.mapping.pockets import Pockets
 from deploy.mapping.rims import close_rims, rim_offsets
+from deploy.mapping.small_holes import SmallHoles
 
 
 class BeliefWriter:
     """Keeps the belief of one Mapper equal to a grid, but for the robot's own place, which is free.
 
-    In an exploration what is not worth a look, rims and pockets, is closed: shown as occupied. On the way to a target
+    In an exploration what is not worth a look, rims and holes, is closed: shown as occupied. On the way to a target
     nothing is, because the target may lie there. How much room the robot needs is the Mapper's business
     (``mapping.robot_radius``).
 
@@ -42,7 +42,7 @@ class BeliefWriter:
         self._rims = rim_offsets(size, config.mapping.robot_radius)
         self._reach = int(np.abs(self._rims).max(initial=0))
         self._robot_box: Box | None = None
-        self._pockets = Pockets(config.sensing.pocket, size)
+        self._holes = SmallHoles(config.sensing.hole_area, size)
         self._closing = True
         self._moves = config.sensing.source == "grid"
 
@@ -53,10 +53,10 @@ class BeliefWriter:
         changed = cells.take_changes()
         regions = []
         closing = self.mapper.target is None
-        # The map of a SLAM may move as a whole: what enclosed a pocket once may not do so now.
+        # The map of a SLAM may move as a whole: what enclosed a hole once may not do so now.
         moved = self._moves and changed is not None
         if moved:
-            self._pockets.forget()
+            self._holes.forget()
         if moved or not self._same_extent() or closing != self._closing:
             regions.append((0, rows - 1, 0, columns - 1))
         else:
@@ -78,7 +78,7 @@ class BeliefWriter:
                 clear_footprint(part, region, (row, column), self._radius)
             if closing:
                 close_rims(cells.states, self._rims, self._reach, region, part)
-                self._pockets.close(part, (cells.first[0] + top, cells.first[1] + left))
+                self._holes.close(part, (cells.first[0] + top, cells.first[1] + left))
             self._assign(region, part)
         if closing:
             self._close_new(regions)
@@ -88,13 +88,13 @@ class BeliefWriter:
         return belief.shape == self._cells.states.shape and belief.first_cell == self._cells.first
 
     def _close_new(self, regions: list[Box]) -> None:
-        """Close pockets that what was written has cut off."""
+        """Close holes that what was written has cut off."""
         if not regions:
             return
         # The robot's own place lies in what it scans: one look at both together.
         tops, bottoms, lefts, rights = zip(*regions, strict=True)
         belief = self.mapper.belief
-        found = self._pockets.find(belief, (min(tops), max(bottoms), min(lefts), max(rights)))
+        found = self._holes.find(belief, (min(tops), max(bottoms), min(lefts), max(rights)))
         if len(found):
             (top, left), (bottom, right) = found.min(axis=0).tolist(), found.max(axis=0).tolist()
             part = belief.cells[top : bottom + 1, left : right + 1].copy()
