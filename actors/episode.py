@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from actors.driver import Driver
 from actors.environment import Environment
 from actors.maps.grid_map import GridMap
-from actors.recorder import Recorder
+from actors.transition_recorder import TransitionRecorder
 from common.messages.experience import End, EpisodeReport
 from common.printable import printable
 
@@ -34,7 +34,7 @@ def run_episode(
     role: Role,
     *,
     seed: int,
-    recorder: Recorder | None = None,
+    recorder: TransitionRecorder | None = None,
     label: bool = False,
     family: int = 0,
     keep_on: Callable[[], bool] = lambda: True,

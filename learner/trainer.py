@@ -30,8 +30,8 @@ from learner.run.episodes import EpisodeLog
 from learner.run.folder import RunFolder, has_begun
 from learner.run.group_commit import GroupCommit
 from learner.run.journal import Journal
+from learner.watch.curve_recorder import LOG_EVERY, CurveRecorder
 from learner.watch.evaluation import Round
-from learner.watch.recorder import LOG_EVERY, Recorder
 
 logger = logging.getLogger(__name__)
 
@@ -93,7 +93,7 @@ class Trainer:
         self._evaluated = -1
         self.waiting = False
         self.ingest: Ingest
-        self.recorder: Recorder
+        self.recorder: CurveRecorder
 
     # --- beginning and end -------------------------------------------------------------------------------------
 
@@ -168,7 +168,7 @@ class Trainer:
     def _open_records(self, episodes_length: int, updates: int) -> None:
         episodes = EpisodeLog(self.run.episodes, episodes_length, self.disk)
         self.ingest = Ingest(self.config, self.replay, self.keeper, self._journal, episodes, self._evaluators)
-        self.recorder = Recorder(self.run.tensorboard, self.ingest, updates, self.disk)
+        self.recorder = CurveRecorder(self.run.tensorboard, self.ingest, updates, self.disk)
 
     # --- the stages of the loop --------------------------------------------------------------------------------
 

@@ -81,7 +81,7 @@ def record(
 ) -> None:
     """Record a robot's topics into a bag that ROS 2 and Foxglove open; it can be read whenever the recorder ends."""
     setup_logging(log_level)
-    from deploy.recording.recorder import Recorder
+    from deploy.recording.bag_recorder import BagRecorder
     from deploy.recording.viewer import Viewer
     from deploy.recording.writer import BagWriter
 
@@ -92,7 +92,7 @@ def record(
     with (
         stopping_signals(stop.set, stop.is_set),
         BagWriter(folder, resolved.ros.distro, compression, resolved) as bag,
-        Recorder(resolved, bag, topics or (), exclude or (), listener) as recorder,
+        BagRecorder(resolved, bag, topics or (), exclude or (), listener) as recorder,
     ):
         recorder.run(stop, duration or float("inf"))
     typer.echo(f"{bag.count} messages on {len(bag.topics)} topics, {bag.size / 1e6:.1f} MB: {folder}")

@@ -13,7 +13,7 @@ from common.messages.experience import Chunk, End, ExpertLabels
 from common.observation import Observation, ObservationBatch
 
 
-class Recorder:
+class TransitionRecorder:
     """Collects the steps of one episode after another and hands them on in chunks.
 
     Args:

@@ -39,12 +39,12 @@ Listener = Callable[[str, str, bytes, int], None]
 """Gets topic, type, payload and arrival (nanoseconds) of every message, in the recorder's thread."""
 
 
-class Recorder(Closing):
+class BagRecorder(Closing):
     """Subscribes to every topic that somebody publishes, also to those that appear later, and writes all to a bag.
 
     Usage::
 
-        with BagWriter(path, config=config) as bag, Recorder(config, bag) as recorder:
+        with BagWriter(path, config=config) as bag, BagRecorder(config, bag) as recorder:
             recorder.run(stop)
     """
 

@@ -16,7 +16,7 @@ LOG_EVERY = 10
 """Updates between two points of the curves."""
 
 
-class Recorder:
+class CurveRecorder:
     """Figures of training between two points, and the curves that they go to. docs/metrics.md explains each.
 
     Args:
