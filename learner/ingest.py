@@ -22,7 +22,7 @@ from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.messages.schema import decode, describe_delivery, encode
 from learner.quarantine import Quarantine
 from learner.ratio import RatioKeeper
-from learner.replay.buffer import Replay
+from learner.replay.buffer import ReplayBuffer
 from learner.run.episodes import EpisodeLog, group_of
 from learner.run.journal import Journal
 from learner.run.records import RecordKind
@@ -73,7 +73,7 @@ class Ingest:
     def __init__(
         self,
         config: RunConfig,
-        replay: Replay,
+        replay: ReplayBuffer,
         keeper: RatioKeeper,
         journal: Journal,
         episodes: EpisodeLog,

@@ -20,7 +20,7 @@ from learner.algorithm.base import Algorithm, NotFiniteError, PublishedVersion
 from learner.algorithm.batch import TransitionBatch
 from learner.ingest import Ingest
 from learner.ratio import RatioKeeper
-from learner.replay.buffer import Replay
+from learner.replay.buffer import ReplayBuffer
 from learner.replay.draw import draw_batch
 from learner.run.best import BestPolicy
 from learner.run.checkpoints import CheckpointStore
@@ -67,7 +67,7 @@ class Trainer:
         self.algorithm = algorithm
         self._publish = publish
         self._evaluators = tuple(evaluators)
-        self.replay = Replay(config.replay.capacity, config.replay.max_bytes)
+        self.replay = ReplayBuffer(config.replay.capacity, config.replay.max_bytes)
         self.keeper = RatioKeeper(
             config.learner.updates_per_step, config.learner.ratio_tolerance, config.replay.min_steps
         )

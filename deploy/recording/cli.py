@@ -123,10 +123,10 @@ def replay(
     Parameters are those of the recording, unless --profile or --config gives others; --set changes single ones.
     """
     setup_logging(log_level or "warning")
+    from deploy.recording.bag_player import BagPlayer, has_decisions
     from deploy.recording.checks import Checks
     from deploy.recording.comparison import compare
     from deploy.recording.reader import read_bag, recorded_config
-    from deploy.recording.replay import Replay, has_decisions
     from deploy.recording.report import show, summary
     from deploy.recording.viewer import Viewer
 
@@ -146,7 +146,7 @@ def replay(
             viewer.show(recorded.topic, recorded.kind, recorded.payload, recorded.time)
     replayed = comparison = None
     if not checks_only:
-        replayed = Replay(resolved, not has_decisions(checks.topics, resolved)).run(read_bag(path))
+        replayed = BagPlayer(resolved, not has_decisions(checks.topics, resolved)).run(read_bag(path))
         limit = resolved.mapping.viewpoint_spacing / 2.0 if tolerance is None else tolerance
         comparison = compare(replayed.recorded, replayed.decided, replayed.begin, limit)
     result = summary(checks, replayed, comparison)

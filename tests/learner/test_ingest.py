@@ -12,7 +12,7 @@ from learner.algorithm.base import NotFiniteError
 from learner.ingest import Ingest
 from learner.quarantine import STRIKES
 from learner.ratio import RatioKeeper
-from learner.replay.buffer import Replay
+from learner.replay.buffer import ReplayBuffer
 from learner.run.episodes import EpisodeLog
 from learner.run.journal import Journal
 from learner.run.records import RecordKind
@@ -23,7 +23,7 @@ from tests.learner.runs import episodes, small_config
 def open_ingest(folder, episodes_length=0, config=None):
     config = config or small_config()
     folder.mkdir(exist_ok=True)
-    replay = Replay(config.replay.capacity, config.replay.max_bytes)
+    replay = ReplayBuffer(config.replay.capacity, config.replay.max_bytes)
     keeper = RatioKeeper(1.0, 100, 4)
     journal = Journal(folder / "journal")
     return Ingest(config, replay, keeper, journal, EpisodeLog(folder / "episodes.jsonl", episodes_length)), journal

@@ -51,7 +51,7 @@ class _NoGate:
 
 
 @dataclass(slots=True)
-class Replayed:
+class Playback:
     """What came of a replay.
 
     Attributes:
@@ -73,7 +73,7 @@ class Replayed:
     map_statistics: Any = None
 
 
-class Replay:
+class BagPlayer:
     """Feeds the messages of a recording to a bridge without a network, on the clock of the recording.
 
     Commands and targets are taken from their topics, and from the recorded status, since commands by `hd-deploy
@@ -81,7 +81,7 @@ class Replay:
 
     Usage::
 
-        replayed = Replay(config, self_start=False).run(read_bag(path))
+        replayed = BagPlayer(config, self_start=False).run(read_bag(path))
     """
 
     def __init__(
@@ -108,10 +108,10 @@ class Replay:
         self._inputs = Inputs(config, self._map, self._health)
         self._loop = DecisionLoop(config, self._map, planners, self._mission, self._health, clock=lambda: self._now)
         self._commands = Commands(self._mission, _NoGate(), dict)
-        self._result = Replayed()
+        self._result = Playback()
         self._takers = self._by_topic()
 
-    def run(self, messages: Iterable[Recorded]) -> Replayed:
+    def run(self, messages: Iterable[Recorded]) -> Playback:
         """Replay to the end and return what was decided."""
         result = self._result
         due = 0.0
