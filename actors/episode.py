@@ -65,11 +65,11 @@ def run_episode(
             if recorder is not None:
                 recorder.flush()
             return None
-        judgement = environment.judgement() if label else None
+        expert_label = environment.expert_label() if label else None
         choice = driver.choose(observation, environment)
         step = environment.step(choice.beacon, choice.waypoint)
         if recorder is not None:
-            recorder.add(observation, choice, judgement, step)
+            recorder.add(observation, choice, expert_label, step)
         observation = step.observation
     return EpisodeReport(
         task=environment.goal.task.name,
