@@ -24,7 +24,7 @@ from common.config.schema import BusConfig, RunConfig
 from common.messages.experience import Delivery
 from common.messages.schema import encode
 from learner.ingest import Ingest
-from learner.ratio import RatioKeeper
+from learner.rate_limiter import RateLimiter
 from learner.replay.buffer import ReplayBuffer
 from learner.run.episodes import EpisodeLog
 from learner.run.group_commit import GroupCommit
@@ -66,7 +66,7 @@ def _learner(interval: float | None) -> Iterator[BusConfig]:
         commit = stack.enter_context(GroupCommit(journal, interval or config.journal.sync_seconds))
         episodes = EpisodeLog(folder / "episodes.jsonl")
         stack.callback(episodes.close)
-        ingest = Ingest(config, replay, RatioKeeper(1.0, 10**9, 1), journal, episodes)
+        ingest = Ingest(config, replay, RateLimiter(1.0, 10**9, 1), journal, episodes)
         session = stack.enter_context(open_learner_session(bus))
         when = None if interval is None else commit.when_synced
         server = ExperienceServer(session, RUN, new_incarnation(), ingest.store, when_durable=when)

@@ -158,7 +158,7 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
         with stopping_signals(trainer.stop, lambda: trainer.stopping):
             train(trainer)
         words = "is complete" if trainer.complete else "was stopped"
-        logger.info("run %s %s after %d updates", config.name, words, trainer.keeper.updates)
+        logger.info("run %s %s after %d updates", config.name, words, trainer.limiter.updates)
 
 
 def refuse_second_learner(session: zenoh.Session, config: RunConfig, learner: int) -> None:

@@ -45,7 +45,7 @@ class SerialTrainer(Trainer):
 
         The steps behind it tell a resumed actor from the one before it: other worlds, other sequence numbers.
         """
-        self._incarnation = self.keeper.steps
+        self._incarnation = self.limiter.steps
         self._collector = Collector(self.config, [self.config.seed, self._incarnation], self._deliver)
 
     def data_is_ready(self) -> bool:
@@ -108,4 +108,4 @@ def run_serial(run: RunFolder, console: Console, *, resume: bool) -> None:
         with stopping_signals(trainer.stop, lambda: trainer.stopping):
             train(trainer)
         words = "is complete" if trainer.complete else "was stopped"
-        logger.info("run %s %s after %d updates", config.name, words, trainer.keeper.updates)
+        logger.info("run %s %s after %d updates", config.name, words, trainer.limiter.updates)

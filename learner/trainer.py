@@ -19,7 +19,7 @@ from common.policy_file import PolicyCard, portable_sources, read_weights
 from learner.algorithm.base import Algorithm, NotFiniteError, PublishedVersion
 from learner.algorithm.batch import TransitionBatch
 from learner.ingest import Ingest
-from learner.ratio import RatioKeeper
+from learner.rate_limiter import RateLimiter
 from learner.replay.buffer import ReplayBuffer
 from learner.replay.draw import draw_batch
 from learner.run.best import BestPolicy
@@ -68,7 +68,7 @@ class Trainer:
         self._publish = publish
         self._evaluators = tuple(evaluators)
         self.replay = ReplayBuffer(config.replay.capacity, config.replay.max_bytes)
-        self.keeper = RatioKeeper(
+        self.limiter = RateLimiter(
             config.learner.updates_per_step, config.learner.ratio_tolerance, config.replay.min_steps
         )
         self.disk = DiskWatch(run.path)
@@ -153,7 +153,7 @@ class Trainer:
             self.config.name,
             checkpoint.name,
             updates,
-            self.keeper.steps,
+            self.limiter.steps,
             self.ingest.episode_count,
         )
 
@@ -167,7 +167,7 @@ class Trainer:
 
     def _open_records(self, episodes_length: int, updates: int) -> None:
         episodes = EpisodeLog(self.run.episodes, episodes_length, self.disk)
-        self.ingest = Ingest(self.config, self.replay, self.keeper, self._journal, episodes, self._evaluators)
+        self.ingest = Ingest(self.config, self.replay, self.limiter, self._journal, episodes, self._evaluators)
         self.recorder = CurveRecorder(self.run.tensorboard, self.ingest, updates, self.disk)
 
     # --- the stages of the loop --------------------------------------------------------------------------------
@@ -180,7 +180,7 @@ class Trainer:
     @property
     def complete(self) -> bool:
         """Whether all updates of the run are made."""
-        return self.keeper.updates >= self.config.learner.total_updates
+        return self.limiter.updates >= self.config.learner.total_updates
 
     def data_is_ready(self) -> bool:
         """Wait a moment for the data and the ratio that the next update needs; return whether they are there.
@@ -209,10 +209,10 @@ class Trainer:
         try:
             figures = self.algorithm.update(batch)
         except NotFiniteError as error:
-            self.ingest.quarantine.take(batch, error, self.keeper.updates + 1)
+            self.ingest.quarantine.take(batch, error, self.limiter.updates + 1)
             return False
         self.ingest.quarantine.note_sound()
-        self.keeper.note_update()
+        self.limiter.note_update()
         self.recorder.note_update(figures)
         self.recorder.note("time/update_ms", 1e3 * (time.perf_counter() - began))
         return True
@@ -226,7 +226,7 @@ class Trainer:
             self._unpublished = True
             return
         self._unpublished = False
-        updates = self.keeper.updates
+        updates = self.limiter.updates
         averaged = self.algorithm.policy_weights(averaged=True) if self.config.learner.average_decay else None
         published = PublishedVersion(version, updates, self.algorithm.policy_weights(averaged=False), averaged)
         acting = published.weights if averaged is None else averaged
@@ -238,12 +238,12 @@ class Trainer:
 
     def publish_if_due(self) -> None:
         """Publish every `learner.publish_every` updates, and the last."""
-        if self.keeper.updates % self.config.learner.publish_every == 0 or self.complete:
+        if self.limiter.updates % self.config.learner.publish_every == 0 or self.complete:
             self.publish()
 
     def record_if_due(self) -> None:
         """Write a point of each curve every few updates."""
-        if self.keeper.updates % LOG_EVERY == 0 or self.complete:
+        if self.limiter.updates % LOG_EVERY == 0 or self.complete:
             self.recorder.write()
 
     def serve(self) -> None:
@@ -287,7 +287,7 @@ class Trainer:
         began = time.monotonic()
         snapshot = self.ingest.snapshot()
         self.ingest.sync()
-        updates = self.keeper.updates
+        updates = self.limiter.updates
         tensors, document = self.algorithm.state()
         for_export = self.algorithm.policy_weights(averaged=bool(self.config.learner.average_decay))
         card = asdict(self.card(snapshot["version"], updates))
@@ -333,11 +333,11 @@ class Trainer:
 
     def pause(self) -> None:
         """Make no more updates, and let the actors wait, until `unpause`."""
-        self.keeper.paused = True
+        self.limiter.paused = True
 
     def unpause(self) -> None:
         """Go on after `pause`."""
-        self.keeper.paused = False
+        self.limiter.paused = False
         self._wake()
 
     def request_checkpoint(self, timeout: float) -> bool:
@@ -352,7 +352,7 @@ class Trainer:
     @property
     def cloning(self) -> bool:
         """Whether the next update only imitates the expert."""
-        return self.keeper.updates < self.config.cloning.updates
+        return self.limiter.updates < self.config.cloning.updates
 
     @property
     def state(self) -> str:
@@ -363,10 +363,10 @@ class Trainer:
             return "stopping"
         if self.disk.full:
             return "disk full"
-        if self.keeper.paused:
+        if self.limiter.paused:
             return "paused"
         if self.waiting:
-            return "waiting" if self.keeper.updates else "collecting"
+            return "waiting" if self.limiter.updates else "collecting"
         return "cloning" if self.cloning else "training"
 
     @property
@@ -393,7 +393,7 @@ class Trainer:
             mapping=self.config.mapping,
             version=version,
             updates=updates,
-            steps=self.keeper.steps,
+            steps=self.limiter.steps,
             averaged=bool(self.config.learner.average_decay),
             commit=self._commit,
             created=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
@@ -424,7 +424,7 @@ class Trainer:
                 pass
 
     def _may_learn(self) -> bool:
-        if self._stop.is_set() or not self.keeper.may_update():
+        if self._stop.is_set() or not self.limiter.may_update():
             return False
         if self.cloning and not self.replay.labelled:
             if not self._warned_unlabelled:
@@ -448,7 +448,7 @@ class Trainer:
             self.ingest.wake()
 
     def _has_news(self) -> bool:
-        return (self.keeper.updates, self.keeper.steps) != self._checkpointed
+        return (self.limiter.updates, self.limiter.steps) != self._checkpointed
 
     def _schedule_checkpoint(self) -> None:
         self._checkpoint_at = time.monotonic() + self.config.checkpoints.every_seconds
