@@ -68,7 +68,9 @@ def measure(config: DeployConfig, planner: Planner | None, world_source: str, se
     robot_map = RobotMap(with_planning_set(config, planners))
     warm_up(config, planners.members("exploration"))
     now = 1000.0
-    loop = DecisionLoop(config, robot_map, planners, mission, health, clock=lambda: now)
+    loop = DecisionLoop(
+        config.decision, config.mapping, config.safety, robot_map, planners, mission, health, clock=lambda: now
+    )
     simulator = GridSimulator(SimulatorConfig(name="grid", rays=720, range_noise=0.02), config.mapping.sensor_range)
     pose = simulator.reset(world, 0)
     mission.start()

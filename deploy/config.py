@@ -253,7 +253,7 @@ class RobotMappingConfig(MappingConfig):
 
 
 class DeployConfig(Section):
-    """A whole bridge."""
+    """A whole bridge: for what puts its parts together. A part takes the sections that it reads."""
 
     name: str = ""
     """Name of the robot: its prefix on the bus for commands (`hd/<name>/control`); letters a-z, digits, dashes. When

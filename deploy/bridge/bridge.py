@@ -107,8 +107,10 @@ class Bridge(Closing):
         sys.setswitchinterval(_SWITCH_INTERVAL)
         Geofence(config.safety.geofence)
         # A bridge that is the router itself has a network of its own.
-        probe = None if config.ros.listen else enter(NameProbe(config))
-        self._live = enter(LivePolicy(config)) if config.decision.live_run is not None else None
+        probe = None if config.ros.listen else enter(NameProbe(config.name, config.ros))
+        self._live = (
+            enter(LivePolicy(config.decision, config.mapping)) if config.decision.live_run is not None else None
+        )
         self._planners = make_planners(config)
         decision = config.decision
         self._mission = Mission(decision.task, decision.goal, decision.goal_reach, self._position)
@@ -119,7 +121,9 @@ class Bridge(Closing):
         self._map = RobotMap(with_planning_set(config, self._planners), self._mission.orders.target)
         self._health = HealthMonitor(config.safety, sensor=config.sensing.source)
         self._inputs = Inputs(config, self._map, self._health)
-        self._loop = DecisionLoop(config, self._map, self._planners, self._mission, self._health)
+        self._loop = DecisionLoop(
+            decision, config.mapping, config.safety, self._map, self._planners, self._mission, self._health
+        )
         self._metrics = Metrics()
         self._gate = enter(VelocityGate(config))
         node = enter(Node(behind_watchdog(config.ros), remap=config.topics.remap))
@@ -128,11 +132,19 @@ class Bridge(Closing):
         self._outcome = self._loop.step()
         instance = new_instance()
         self._reporter = Reporter(
-            config, self._inputs, self._metrics, self._map, self._planners, self._problems, instance
+            config.name,
+            decision.live_run,
+            self._inputs,
+            self._metrics,
+            self._map,
+            self._planners,
+            self._problems,
+            instance,
         )
         self._driving = enter(
             DrivingLoop(
-                config,
+                config.driving,
+                decision.rate,
                 self._map,
                 self._health,
                 self._gate,
@@ -143,15 +155,24 @@ class Bridge(Closing):
         )
         self._inputs.subscribe(node)
         commands = Commands(self._mission, self._gate, self.status, self._health.try_again)
-        TopicCommands(commands, config, node)
+        TopicCommands(commands, node, config.topics, config.frames)
         LifecycleServices(node, self._lifecycle, commands, self._ended.set)
-        action = config.topics.navigate_action
-        self._action = enter(NavigateAction(node, config, commands, self._mission)) if action else None
+        self._action: NavigateAction | None = None
+        if config.topics.navigate_action:
+            action = NavigateAction(
+                node,
+                config.topics.navigate_action,
+                commands,
+                self._mission,
+                map_frame=config.frames.map,
+                goal_radius=decision.goal_radius,
+            )
+            self._action = enter(action)
         enter(ControlServer(node.session, config.name, commands, ROBOT_VERBS))
         enter(declare_presence(node.session, config.name, "robot", config.name))
         self._rivals = enter(Rivals(node.session, config.name, instance))
         if config.driving.enabled:
-            enter(VelocityWatch(node, config))
+            enter(VelocityWatch(node, config.ros, config.topics))
         self._next_status = self._next_picture = 0.0
         self._started_by_itself = False
 

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+from common.config.schema import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status
@@ -22,7 +23,7 @@ from deploy.bridge.plan_supervisor import PlanSupervisor
 from deploy.bridge.planner_selector import PlannerError, PlannerSelector
 from deploy.bridge.unseen import Unseen
 from deploy.bridge.way_out import way_out
-from deploy.config import DeployConfig
+from deploy.config import DecisionConfig, SafetyConfig
 from deploy.safety.health import Fault, FaultKind, HealthMonitor
 
 log = logging.getLogger(__name__)
@@ -39,14 +40,16 @@ class DecisionLoop:
 
     Usage::
 
-        loop = DecisionLoop(config, robot_map, make_planners(config), Mission("exploration"), health)
+        loop = DecisionLoop(decision, mapping, safety, robot_map, planners, Mission("exploration"), health)
         while True:
             outcome = loop.step()  # several times per decision: it plans when it is due
     """
 
     def __init__(
         self,
-        config: DeployConfig,
+        config: DecisionConfig,
+        mapping: MappingConfig,
+        safety: SafetyConfig,
         robot_map: MapSource,
         planners: PlannerSelector,
         mission: Mission,
@@ -57,7 +60,9 @@ class DecisionLoop:
         """Begin; messages are fed to `robot_map` and `health`, commands to `mission`, by others.
 
         Args:
-            config: whole tree.
+            config: when to decide, and when a place is reached.
+            mapping: of the map.
+            safety: where the robot may go, and how long it may get nowhere.
             robot_map: the robot's map.
             planners: the planners.
             mission: the robot's orders.
@@ -65,14 +70,14 @@ class DecisionLoop:
             clock: seconds, monotonic; that of a recording when one is replayed.
         """
         self.planners = planners
-        self._config = config.decision
-        self._mapping = config.mapping
+        self._config = config
+        self._mapping = mapping
         self._map = robot_map
         self._mission = mission
         self._health = health
         self._clock = clock
-        self._supervisor = PlanSupervisor(config)
-        self._checks = CompletionChecks(config.decision.completion_checks)
+        self._supervisor = PlanSupervisor(safety, mapping)
+        self._checks = CompletionChecks(config.completion_checks)
         self._blocked = ""
         self._blocked_lock = threading.Lock()
         self._episode = 0

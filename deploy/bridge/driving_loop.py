@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from common.closing import Closing
 from common.geometry import Pose
 from common.planners.base import Position
-from deploy.config import DeployConfig
+from deploy.config import DrivingConfig
 from deploy.driving import LocalPlanner
 from deploy.safety.gate import VelocityGate
 from deploy.safety.health import HealthMonitor
@@ -63,13 +63,14 @@ class DrivingLoop(Closing):
 
     Usage::
 
-        with DrivingLoop(config, robot_map, health, gate, velocity, may_move, loop.report_blocked) as driving:
-            driving.follow(outcome.course.route)
+        with DrivingLoop(driving, 1.0, robot_map, health, gate, velocity, may_move, loop.report_blocked) as driver:
+            driver.follow(outcome.course.route)
     """
 
     def __init__(
         self,
-        config: DeployConfig,
+        config: DrivingConfig,
+        decision_rate: float,
         surroundings: Surroundings,
         health: HealthMonitor,
         gate: VelocityGate,
@@ -80,7 +81,8 @@ class DrivingLoop(Closing):
         """Start the thread.
 
         Args:
-            config: whole tree.
+            config: of the local planner, which drives where it is enabled.
+            decision_rate: of the decision loop, Hz; after four decisions' time without a request the robot stands.
             surroundings: pose and obstacles.
             health: checked at every turn, so that a jump of the pose stops the robot at once.
             gate: takes the velocities.
@@ -96,8 +98,8 @@ class DrivingLoop(Closing):
         self._velocity = velocity
         self._may_move = may_move
         self._on_blocked = on_blocked
-        self._planner = LocalPlanner(config.driving) if config.driving.enabled else None
-        self._patience = max(1.0, 4.0 / config.decision.rate)
+        self._planner = LocalPlanner(config) if config.enabled else None
+        self._patience = max(1.0, 4.0 / decision_rate)
         self._request = DrivingRequest((), "the bridge has just started", time.monotonic())
         self._route: tuple[Position, ...] = ()
         self._told_blocked = False
@@ -136,7 +138,7 @@ class DrivingLoop(Closing):
         self._gate.hold(self._held[1])
 
     def _run(self) -> None:
-        period = 1.0 / self._config.driving.rate
+        period = 1.0 / self._config.rate
         due = time.monotonic()
         while not self._stop.wait(max(0.0, due - time.monotonic())):
             due = max(due + period, time.monotonic())
@@ -177,7 +179,7 @@ class DrivingLoop(Closing):
             self._planner.reset()
         if request.route != self._route:
             self._route, self._told_blocked = request.route, False
-        reach = self._config.driving.costmap_size / 2.0
+        reach = self._config.costmap_size / 2.0
         obstacles = self._surroundings.obstacles_near(pose, reach)
         command = self._planner.command(pose, self._velocity(), request.route, obstacles, period)
         self._held = ("", "")

@@ -14,7 +14,7 @@ from common.bus.spec import fetch_spec
 from common.bus.weights import WeightsPuller
 from common.closing import Closing
 from common.config.names import config_from_message
-from common.config.schema import BusConfig, MapsConfig, RunConfig, SimulatorConfig
+from common.config.schema import BusConfig, MappingConfig, MapsConfig, RunConfig, SimulatorConfig
 from common.errors import BusError, ConfigError, HDError
 from common.messages.weights import Weights
 from common.network.parameters import parameter_shapes
@@ -23,7 +23,7 @@ from common.policy import Policy
 from common.policy_file import PolicyCard
 from common.tasks import find_task
 from deploy.bridge.planner_selector import PlannerSelector
-from deploy.config import DeployConfig
+from deploy.config import DecisionConfig
 
 log = logging.getLogger(__name__)
 
@@ -33,26 +33,25 @@ class LivePolicy(Closing):
 
     Usage::
 
-        with LivePolicy(config) as live:
+        with LivePolicy(config.decision, config.mapping) as live:
             live.refresh(planners)  # in the decision thread, before every pass
 
     Attributes:
         version: policy version in use; -1 before the first.
     """
 
-    def __init__(self, config: DeployConfig) -> None:
+    def __init__(self, decision: DecisionConfig, mapping: MappingConfig) -> None:
         """Begin to look for the learner; nothing waits for it.
 
         Raises:
             ConfigError: no run, or no endpoint of its learner, is named.
             BusError: an endpoint is malformed, or a file of TLS is missing.
         """
-        decision = config.decision
         if decision.live_run is None or not decision.live_connect:
             raise ConfigError("decision.live_run needs decision.live_connect: name the learner's endpoint")
         self._run_name = decision.live_run
         self._task = decision.task
-        self._mapping = config.mapping
+        self._mapping = mapping
         bus: dict[str, Any] = {}
         if decision.live_tls is not None:
             bus = dict(zip(("tls_ca", "tls_certificate", "tls_key"), decision.live_tls, strict=True))

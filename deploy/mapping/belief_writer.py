@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from common.config.schema import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.mapping.sight import OCCUPIED, Box
-from deploy.config import DeployConfig
+from deploy.config import SensingConfig
 from deploy.mapping.cells import CellGrid
 from deploy.mapping.footprint import clear_footprint, footprint_box
 from deploy.mapping.rims import close_rims, rim_offsets
@@ -26,25 +27,40 @@ class BeliefWriter:
         mapper: whose belief it writes; its cells are those of the grid.
     """
 
-    def __init__(self, config: DeployConfig, cells: CellGrid, target: tuple[float, float] | None) -> None:
-        """Make a Mapper for a grid; ``target`` is the navigation target, metres."""
+    def __init__(
+        self,
+        mapping: MappingConfig,
+        sensing: SensingConfig,
+        cells: CellGrid,
+        target: tuple[float, float] | None,
+        robot_radius: float,
+    ) -> None:
+        """Make a Mapper for a grid.
+
+        Args:
+            mapping: of the mapper.
+            sensing: where the grid comes from, and how large holes are closed.
+            cells: the grid.
+            target: of navigation, metres.
+            robot_radius: of the circle around the robot's centre that is free where the robot stands, metres.
+        """
         size = cells.resolution
         x, y = cells.anchor
         # Viewpoints in the middle of cells: edges along the grid touch one row of cells, not two.
         self.mapper = Mapper(
-            config.mapping,
+            mapping,
             lattice_origin=(x + size / 2, y + size / 2),
             bounds=(x, y, x + size, y + size),
             target=target,
         )
         self._cells = cells
-        self._radius = config.driving.robot_radius / size
-        self._rims = rim_offsets(size, config.mapping.robot_radius)
+        self._radius = robot_radius / size
+        self._rims = rim_offsets(size, mapping.robot_radius)
         self._reach = int(np.abs(self._rims).max(initial=0))
         self._robot_box: Box | None = None
-        self._holes = SmallHoles(config.sensing.hole_area, size)
+        self._holes = SmallHoles(sensing.hole_area, size)
         self._closing = True
-        self._moves = config.sensing.source == "grid"
+        self._moves = sensing.source == "grid"
 
     def write(self, pose: Pose) -> None:
         """Assign what changed since the last time, and the robot's own place where it stood and stands."""

@@ -77,7 +77,7 @@ class RobotMap:
         # The intake is filled by subscriber threads and must never wait for the map's arithmetic.
         self._intake_lock = threading.Lock()
         self._map_lock = threading.Lock()
-        self._intake = Intake(config)
+        self._intake = Intake(config.frames, config.sensing, config.mapping.sensor_range)
         self._grids_received = 0
         self._grid_order = StampOrder()
         # The newest map is kept: one that is latched comes only once.
@@ -218,7 +218,13 @@ class RobotMap:
             if pose is None or self._cells is None or self._cells.empty:
                 return None
             if self._writer is None:
-                self._writer = BeliefWriter(self._config, self._cells, self._target)
+                self._writer = BeliefWriter(
+                    self._config.mapping,
+                    self._config.sensing,
+                    self._cells,
+                    self._target,
+                    self._config.driving.robot_radius,
+                )
             self._writer.write(pose)
             self._writer.mapper.update(pose)
             return self._writer.mapper

@@ -18,6 +18,7 @@ from deploy.bridge.outcome import Outcome
 from deploy.bridge.planner_selector import make_planners, with_planning_set
 from deploy.config import DeployConfig
 from deploy.mapping.robot_map import RobotMap
+from deploy.network_config import TopicsConfig
 from deploy.recording.comparison import Decision
 from deploy.recording.reader import Recorded
 from deploy.ros2 import Message, Received, RosError
@@ -106,7 +107,16 @@ class BagPlayer:
         self._health = HealthMonitor(config.safety, sensor=config.sensing.source)
         self._mission = Mission(config.decision.task, config.decision.goal)
         self._inputs = Inputs(config, self._map, self._health)
-        self._loop = DecisionLoop(config, self._map, planners, self._mission, self._health, clock=lambda: self._now)
+        self._loop = DecisionLoop(
+            config.decision,
+            config.mapping,
+            config.safety,
+            self._map,
+            planners,
+            self._mission,
+            self._health,
+            clock=lambda: self._now,
+        )
         self._commands = Commands(self._mission, _NoGate(), dict)
         self._result = Playback()
         self._takers = self._by_topic()
@@ -237,10 +247,9 @@ class BagPlayer:
         self._result.recorded.append(Decision(received.time, None if stands else position, None, here))
 
 
-def has_decisions(topics: Iterable[str], config: DeployConfig) -> bool:
-    """Whether a recording with these topics tells when its bridge was started."""
-    named = config.topics
-    within = namespace(config.ros.namespace)
+def has_decisions(topics: Iterable[str], named: TopicsConfig, robot_namespace: str) -> bool:
+    """Whether a recording with these topics tells when its bridge, with topics so named, was started."""
+    within = namespace(robot_namespace)
     telling = {
         topic_name(topic, within, named.remap)
         for topic in (named.status, named.command, named.start)

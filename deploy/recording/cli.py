@@ -92,7 +92,7 @@ def record(
     with (
         stopping_signals(stop.set, stop.is_set),
         BagWriter(folder, resolved.ros.distro, compression, resolved) as bag,
-        BagRecorder(resolved, bag, topics or (), exclude or (), listener) as recorder,
+        BagRecorder(resolved.ros, bag, topics or (), exclude or (), listener) as recorder,
     ):
         recorder.run(stop, duration or float("inf"))
     typer.echo(f"{bag.count} messages on {len(bag.topics)} topics, {bag.size / 1e6:.1f} MB: {folder}")
@@ -146,7 +146,9 @@ def replay(
             viewer.show(recorded.topic, recorded.kind, recorded.payload, recorded.time)
     replayed = comparison = None
     if not checks_only:
-        replayed = BagPlayer(resolved, not has_decisions(checks.topics, resolved)).run(read_bag(path))
+        replayed = BagPlayer(resolved, not has_decisions(checks.topics, resolved.topics, resolved.ros.namespace)).run(
+            read_bag(path)
+        )
         limit = resolved.mapping.viewpoint_spacing / 2.0 if tolerance is None else tolerance
         comparison = compare(replayed.recorded, replayed.decided, replayed.begin, limit)
     result = summary(checks, replayed, comparison)

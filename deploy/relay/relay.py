@@ -145,7 +145,13 @@ class Relay(Closing):
             return next((lane for lane in self._to_robot if topic and lane.route.topic == full), None)
 
         velocity, stop, watchdog = (lane_of(topic) for topic in (topics.velocity, topics.stop, topics.watchdog))
-        standstill = Standstill(self._config, velocity.send if velocity else None, stop.send if stop else None)
+        standstill = Standstill(
+            self._config.safety,
+            self._config.driving.message,
+            self._config.ros.distro,
+            velocity.send if velocity else None,
+            stop.send if stop else None,
+        )
         if velocity is not None:
             velocity.tell = lambda payload: standstill.heard_velocity(payload, time.monotonic())
         if stop is not None:

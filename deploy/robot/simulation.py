@@ -16,6 +16,7 @@ from common.config.schema import SimulatorConfig
 from common.errors import SimulatorError
 from common.geometry import Pose, Scan
 from deploy.config import DeployConfig
+from deploy.network_config import TopicsConfig
 from deploy.robot.drive_base import DriveBase
 from deploy.robot.follower import WaypointFollower
 from deploy.robot.odometry import Odometry, compose, correction, relative
@@ -90,10 +91,10 @@ class SimulatedRobot(Closing):
         self.options = options
         self._config = config
         self.world = centred(load_world(options))
-        self._simulator = _simulator(options, config)
+        self._simulator = _simulator(options, config.topics, config.mapping.sensor_range)
         self.interval = _control_interval()
         self.base = DriveBase(options)
-        self.follower = WaypointFollower(config.driving) if options.follows(config) else None
+        self.follower = WaypointFollower(config.driving) if options.follows(config.driving) else None
         self._steps = 0
         self._truth = self._simulator.reset(self.world, options.seed)
         self._odometry = Odometry(self._truth, options.odometry_drift, options.seed)
@@ -245,7 +246,7 @@ def centred(world: GridMap) -> GridMap:
     )
 
 
-def _simulator(options: RobotOptions, config: DeployConfig) -> DynamicSimulator:
+def _simulator(options: RobotOptions, topics: TopicsConfig, sensor_range: float) -> DynamicSimulator:
     try:
         from actors.simulators.dynamic import DynamicSimulator
     except ModuleNotFoundError as error:
@@ -258,11 +259,11 @@ def _simulator(options: RobotOptions, config: DeployConfig) -> DynamicSimulator:
     settings = SimulatorConfig(
         fidelity="dynamic",
         rays=options.rays,
-        lidar_layers=options.lidar_layers(config),
+        lidar_layers=options.lidar_layers(topics),
         range_noise=options.range_noise,
         speed=options.max_speed,
     )
-    return DynamicSimulator(settings, config.mapping.sensor_range)
+    return DynamicSimulator(settings, sensor_range)
 
 
 def _control_interval() -> float:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from common.errors import MappingError
 from common.geometry import Pose
-from deploy.config import DeployConfig
+from deploy.config import Point
 from deploy.mapping.transforms import TransformTree
+from deploy.network_config import FramesConfig, TopicsConfig
 from deploy.ros2 import SENSOR, STATIC, Message, Node, QoS, Received
 from deploy.ros2.conversions import pose_from, transforms_from
 from deploy.safety.geofence import Geofence
@@ -24,23 +25,34 @@ class FenceWatch:
 
     Usage::
 
-        FenceWatch(config, lambda outside: print(outside or "inside")).subscribe(node)
+        FenceWatch(corners, topics, frames, lambda outside: print(outside or "inside")).subscribe(node)
     """
 
-    def __init__(self, config: DeployConfig, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        corners: Sequence[Point],
+        topics: TopicsConfig,
+        frames: FramesConfig,
+        tell: Callable[[str], None],
+        *,
+        by_tf: bool = False,
+    ) -> None:
         """Know nothing yet.
 
         Args:
-            config: whole tree.
+            corners: of the fence, metres, in the map frame.
+            topics: names of those that tell poses.
+            frames: names of the map's and of the robot's.
             tell: called from the threads of subscriptions with where the robot stands outside, empty when it is inside.
+            by_tf: poses come by transforms, not by odometry.
 
         Raises:
-            ConfigError: `safety.geofence` is no polygon.
+            ConfigError: the fence is no polygon.
         """
-        self._fence = Geofence(config.safety.geofence)
-        self._by_tf = config.sensing.pose == "tf"
-        self._topics = config.topics
-        self._frames = config.frames
+        self._fence = Geofence(corners)
+        self._by_tf = by_tf
+        self._topics = topics
+        self._frames = frames
         self._tell = tell
         self._tree = TransformTree()
         self._lock = threading.Lock()

@@ -95,7 +95,9 @@ class VelocityGate(Closing):
 
     def use_when_watchdog_dies(self, node: Node) -> None:
         """Let the bridge's node stop the robot while the watchdog hangs, and until a new one has started."""
-        self._fallback = VelocityOutput(node, self._config)
+        self._fallback = VelocityOutput(
+            node, self._config.topics, self._config.driving.message, self._config.frames.base
+        )
 
     def command(self, linear: float, angular: float) -> None:
         """Ask for a velocity (m/s, rad/s); it ends a hold, and is forgotten after `safety.bridge_timeout`."""

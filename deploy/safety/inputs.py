@@ -61,7 +61,13 @@ class WatchdogInputs:
             # Imported where there is a fence alone: a watchdog has to be at work soon.
             from deploy.safety.fence_watch import FenceWatch
 
-            FenceWatch(config, self._heard_fence).subscribe(node)
+            FenceWatch(
+                config.safety.geofence,
+                topics,
+                config.frames,
+                self._heard_fence,
+                by_tf=config.sensing.pose == "tf",
+            ).subscribe(node)
         topic, kind, qos = {
             "scan": (topics.scan, "sensor_msgs/msg/LaserScan", SENSOR),
             "points": (topics.points, "sensor_msgs/msg/PointCloud2", SENSOR),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from deploy.config import DeployConfig
+from deploy.network_config import TopicsConfig
 from deploy.ros2 import Node, Publisher, header, message
 
 
@@ -12,15 +12,21 @@ class VelocityOutput:
     Only the watchdog uses it; the bridge does for the moment in which there is no watchdog.
     """
 
-    def __init__(self, node: Node, config: DeployConfig) -> None:
+    def __init__(self, node: Node, topics: TopicsConfig, kind: str, frame: str) -> None:
         """Declare the publishers.
+
+        Args:
+            node: of the watchdog.
+            topics: names of those for velocities and stops; an empty one has no publisher.
+            kind: type of velocities, ``Twist`` or ``TwistStamped``.
+            frame: of the robot's base.
 
         Raises:
             RosError: a topic's name is malformed.
         """
-        topics, self._kind = config.topics, f"geometry_msgs/msg/{config.driving.message}"
-        self._distro = config.ros.distro
-        self._frame = config.frames.base
+        self._kind = f"geometry_msgs/msg/{kind}"
+        self._distro = node.distro
+        self._frame = frame
         self._velocity: Publisher | None = node.publisher(topics.velocity, self._kind) if topics.velocity else None
         self._stop: Publisher | None = node.publisher(topics.stop, "std_msgs/msg/Int8") if topics.stop else None
 

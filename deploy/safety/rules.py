@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final
 
-from deploy.config import DeployConfig, SafetyConfig
+from deploy.config import SafetyConfig
 from deploy.safety.gate_state import GateMode
 from deploy.safety.takeover import Takeover
 
@@ -44,19 +44,23 @@ class GateRules:
     All times are seconds of one monotonic clock, given by the caller.
     """
 
-    def __init__(self, config: DeployConfig, now: float, emergency_stop: str = "") -> None:
+    def __init__(
+        self, config: SafetyConfig, sensor: str, now: float, emergency_stop: str = "", *, drives: bool
+    ) -> None:
         """Start without having heard anything.
 
         Args:
-            config: whole tree.
+            config: limits of speed and of silence.
+            sensor: what the map is made from; a `grid` may come once and no more.
             now: seconds.
             emergency_stop: reason of a stop that is latched already.
+            drives: the bridge sends velocities; otherwise the robot's own stack drives.
         """
-        self._config = config.safety
-        self._drives = config.driving.enabled
-        self._sensor_name = {"scan": "scan", "points": "point cloud", "grid": "map"}[config.sensing.source]
-        self._latched = config.sensing.source == "grid"
-        self._takeover = Takeover(config.safety)
+        self._config = config
+        self._drives = drives
+        self._sensor_name = {"scan": "scan", "points": "point cloud", "grid": "map"}[sensor]
+        self._latched = sensor == "grid"
+        self._takeover = Takeover(config)
         self._started = now
         self._bridge = now
         self._gone: tuple[float, str] | None = None

@@ -51,7 +51,9 @@ class Watchdog(Closing):
         self._config = config
         self._channel = channel
         self._id = uuid.uuid4().hex
-        self._rules = GateRules(config, time.monotonic(), emergency_stop)
+        self._rules = GateRules(
+            config.safety, config.sensing.source, time.monotonic(), emergency_stop, drives=config.driving.enabled
+        )
         self._wakeup, self._waker = os.pipe()
         os.set_blocking(self._waker, False)
         os.set_blocking(self._wakeup, False)
@@ -65,7 +67,7 @@ class Watchdog(Closing):
         self._inputs = WatchdogInputs(config, self._rules, self._id, self._wake, self._wake_unless_clear)
         self._node = Node(config.ros, f"{config.ros.node}_watchdog", config.topics.remap)
         try:
-            self._output = VelocityOutput(self._node, config)
+            self._output = VelocityOutput(self._node, config.topics, config.driving.message, config.frames.base)
             self._output.velocity(0.0, 0.0)
             self._status = self._node.publisher(config.topics.watchdog, "std_msgs/msg/String", LATCHED)
             self._inputs.subscribe(self._node)

@@ -71,7 +71,16 @@ class Trial:
         self.mission = Mission(config.decision.task, config.decision.goal)
         self.health = HealthMonitor(config.safety)
         self.planners = make_planners(config, planner)
-        self.loop = DecisionLoop(config, self.map, self.planners, self.mission, self.health, clock=lambda: self.now)
+        self.loop = DecisionLoop(
+            config.decision,
+            config.mapping,
+            config.safety,
+            self.map,
+            self.planners,
+            self.mission,
+            self.health,
+            clock=lambda: self.now,
+        )
         self.sensing = True
         self.frozen = False
         self.distance = 0.0

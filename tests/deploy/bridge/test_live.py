@@ -25,6 +25,10 @@ def weights(config, version, seed=0):
     return Weights.of(initial_parameters(config.network, seed), learner=5, version=version, updates=version)
 
 
+def live_policy(config):
+    return LivePolicy(config.decision, config.mapping)
+
+
 def follow(bus):
     return settings(decision={"planner": "greedy", "live_run": "office", "live_connect": [bus.listen]})
 
@@ -35,7 +39,7 @@ def test_weights_are_taken_over_between_decisions_and_the_robot_never_waits_for_
     run = load_config(overrides=SMALL)
     trial = Trial(ROOMS, config)
     trial.mission.start()
-    with LivePolicy(config) as live:
+    with live_policy(config) as live:
         live.refresh(trial.planners)
         assert trial.run(1).planner == "greedy"
         with (
@@ -65,7 +69,7 @@ def test_weights_of_another_network_are_refused_and_the_policy_stays():
     run = load_config(overrides=SMALL)
     planners = make_planners(config)
     with (
-        LivePolicy(config) as live,
+        live_policy(config) as live,
         open_learner_session(bus) as session,
         SpecServer(session, Spec("office", 5, run.model_dump_json())),
         WeightsPublisher(session, "office") as publisher,
@@ -83,7 +87,7 @@ def test_a_run_of_the_other_task_is_refused(caplog):
     config = follow(bus)
     run = load_config(overrides=[*SMALL, "task.name=navigation"])
     with (
-        LivePolicy(config) as live,
+        live_policy(config) as live,
         open_learner_session(bus) as session,
         SpecServer(session, Spec("office", 5, run.model_dump_json())),
     ):
@@ -93,14 +97,14 @@ def test_a_run_of_the_other_task_is_refused(caplog):
 
 def test_a_run_without_an_endpoint_is_refused():
     with pytest.raises(ConfigError, match="live_connect"):
-        LivePolicy(settings(decision={"live_run": "office"}, mapping=MAPPING))
+        live_policy(settings(decision={"live_run": "office"}, mapping=MAPPING))
 
 
 def test_a_learner_cannot_make_a_robot_import_a_module(caplog):
     bus = loopback()
     run = load_config(overrides=[*SMALL, "task.name=foreign_code:TASK"])
     with (
-        LivePolicy(follow(bus)) as live,
+        live_policy(follow(bus)) as live,
         open_learner_session(bus) as session,
         SpecServer(session, Spec("office", 5, run.model_dump_json())),
     ):
@@ -115,7 +119,7 @@ def test_a_run_in_somebodys_own_simulator_can_be_followed():
     run = load_config(overrides=[*SMALL, "simulator.name=foreign_code:Simulator", "maps.train=generator:foreign:Maze"])
     planners = make_planners(config)
     with (
-        LivePolicy(config) as live,
+        live_policy(config) as live,
         open_learner_session(bus) as session,
         SpecServer(session, Spec("office", 5, run.model_dump_json())),
         WeightsPublisher(session, "office") as publisher,

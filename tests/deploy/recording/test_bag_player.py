@@ -49,8 +49,8 @@ def test_another_planner_decides_otherwise(messages):
 
 def test_sensors_alone_are_enough_to_see_what_would_be_decided(settings, messages):
     sensors = [one for one in messages if one.topic in {"/scan", "/odom"}]
-    assert not has_decisions({one.topic for one in sensors}, settings)
-    assert has_decisions({one.topic for one in messages}, settings)
+    assert not has_decisions({one.topic for one in sensors}, settings.topics, settings.ros.namespace)
+    assert has_decisions({one.topic for one in messages}, settings.topics, settings.ros.namespace)
     result, comparison = replay(settings, sensors, self_start=True)
     assert comparison.differences == ()
     assert len([one for one in result.decided if one.waypoint is not None]) >= 5

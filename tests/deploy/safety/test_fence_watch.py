@@ -1,7 +1,7 @@
 """Leaving the fence and coming back, by odometry and by transforms."""
 
 from common.geometry import Pose
-from deploy.config import DeployConfig
+from deploy.network_config import FramesConfig, TopicsConfig
 from deploy.ros2.conversions import odometry, transform, transform_message
 from deploy.safety.fence_watch import FenceWatch
 
@@ -10,8 +10,7 @@ SQUARE = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)]
 
 def watch(pose: str) -> tuple[FenceWatch, list[str]]:
     told: list[str] = []
-    config = DeployConfig(safety={"geofence": SQUARE}, sensing={"pose": pose})
-    return FenceWatch(config, told.append), told
+    return FenceWatch(SQUARE, TopicsConfig(), FramesConfig(), told.append, by_tf=pose == "tf"), told
 
 
 def test_crossings_are_told_once_each():

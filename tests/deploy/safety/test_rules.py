@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.config import DeployConfig, SafetyConfig
+from deploy.config import SafetyConfig
 from deploy.safety.gate_state import GateMode
 from deploy.safety.rules import GateRules, clip
 
@@ -12,8 +12,7 @@ ZERO = (0.0, 0.0)
 
 
 def make(*, driving=True, **safety) -> GateRules:
-    config = DeployConfig(driving={"enabled": driving}, safety=safety)
-    return GateRules(config, now=0.0)
+    return GateRules(SafetyConfig(**safety), "scan", now=0.0, drives=driving)
 
 
 def healthy(rules: GateRules, now: float, command=(0.5, 0.1)) -> GateRules:
@@ -51,7 +50,7 @@ def test_stale_inputs_stop(attribute, mode, word):
 
 
 def test_a_map_that_came_once_is_enough():
-    rules = GateRules(DeployConfig(driving={"enabled": True}, sensing={"source": "grid"}), now=0.0)
+    rules = GateRules(SafetyConfig(), "grid", now=0.0, drives=True)
     assert rules.decide(0.0).mode is not GateMode.CLEAR
     healthy(rules, 1.0)
     healthy(rules, 500.0)
