@@ -396,9 +396,3 @@ class Environment:
 
 def _shown(position: tuple[float, float]) -> str:
     return f"({position[0]:.2f}, {position[1]:.2f})"
-
-
-def route_length(positions: list[tuple[float, float]]) -> float:
-    """Length of a route in metres, for recounts of `Environment.positions`."""
-    points = np.array(positions, dtype=np.float64)
-    return float(np.hypot(*np.diff(points, axis=0).T).sum()) if len(points) > 1 else 0.0

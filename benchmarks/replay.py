@@ -19,7 +19,6 @@ from learner.replay.buffer import ReplayBuffer
 from tests.observations import random_observation
 
 STEPS = 16
-MEAN_VIEWPOINTS = 185
 BATCH = 64
 
 

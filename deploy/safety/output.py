@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from deploy.network_config import TopicsConfig
-from deploy.ros2 import Node, Publisher, header, message
+from deploy.ros2 import Node, Publisher, message
+from deploy.ros2.conversions import twist, twist_stamped
 
 
 class VelocityOutput:
@@ -40,16 +41,8 @@ class VelocityOutput:
         """
         if self._velocity is None:
             return
-        distro = self._distro
-        twist = message(
-            "geometry_msgs/msg/Twist",
-            distro,
-            linear=message("geometry_msgs/msg/Vector3", distro, x=linear),
-            angular=message("geometry_msgs/msg/Vector3", distro, z=angular),
-        )
-        if self._kind.endswith("Stamped"):
-            twist = message(self._kind, distro, header=header(time, self._frame), twist=twist)
-        self._velocity.publish(twist)
+        stamped = self._kind.endswith("Stamped")
+        self._velocity.publish(twist_stamped(time, self._frame, linear, angular) if stamped else twist(linear, angular))
 
     def stop(self, level: int) -> None:
         """Publish the CMU stack's stop level: 0 go, 1 zero linear, 2 also zero yaw."""

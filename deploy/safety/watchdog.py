@@ -59,7 +59,6 @@ class Watchdog(Closing):
         os.set_blocking(self._wakeup, False)
         self._connected = True
         self._last: Decision | None = None
-        self._forwarded: float | None = None
         self._new_command = False
         self._sent = (0.0, 0.0)
         self._stop_sent: int | None = None
