@@ -81,8 +81,8 @@ class BeliefWriter:
             if self._robot_box is not None:
                 regions.append(self._robot_box)
         self._closing = closing
-        row = (pose.y - cells.anchor[1]) / cells.resolution - cells.first[0]
-        column = (pose.x - cells.anchor[0]) / cells.resolution - cells.first[1]
+        row = (pose.y - cells.anchor[1]) / cells.resolution - cells.first_cell[0]
+        column = (pose.x - cells.anchor[0]) / cells.resolution - cells.first_cell[1]
         self._robot_box = None
         if 0.0 <= row < rows and 0.0 <= column < columns:
             self._robot_box = footprint_box((row, column), self._radius, (rows, columns))
@@ -94,14 +94,14 @@ class BeliefWriter:
                 clear_footprint(part, region, (row, column), self._radius)
             if closing:
                 close_rims(cells.states, self._rims, self._reach, region, part)
-                self._holes.close(part, (cells.first[0] + top, cells.first[1] + left))
+                self._holes.close(part, (cells.first_cell[0] + top, cells.first_cell[1] + left))
             self._assign(region, part)
         if closing:
             self._close_new(regions)
 
     def _same_extent(self) -> bool:
         belief = self.mapper.belief
-        return belief.shape == self._cells.states.shape and belief.first_cell == self._cells.first
+        return belief.shape == self._cells.states.shape and belief.first_cell == self._cells.first_cell
 
     def _close_new(self, regions: list[Box]) -> None:
         """Close holes that what was written has cut off."""
