@@ -10,8 +10,8 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.mapping.sight import OCCUPIED, Box
 from deploy.config import SensingConfig
-from deploy.mapping.cells import CellGrid
 from deploy.mapping.footprint import clear_footprint, footprint_box
+from deploy.mapping.measured_grid import MeasuredGrid
 from deploy.mapping.rims import close_rims, rim_offsets
 from deploy.mapping.small_holes import SmallHoles
 
@@ -31,7 +31,7 @@ class BeliefWriter:
         self,
         mapping: MappingConfig,
         sensing: SensingConfig,
-        cells: CellGrid,
+        cells: MeasuredGrid,
         target: tuple[float, float] | None,
         robot_radius: float,
     ) -> None:

@@ -25,7 +25,7 @@ from common.mapping.raycast import (
 )
 from common.mapping.sight import FREE, OCCUPIED
 from deploy.config import SensingConfig
-from deploy.mapping.cells import CellGrid
+from deploy.mapping.measured_grid import MeasuredGrid
 
 # Beams that end so many standard deviations of the range noise behind a cell speak against a hit in it.
 GRAZE_DEVIATIONS: Final = 2.0
@@ -169,7 +169,7 @@ def _apply(
     return row_low, row_high, column_low, column_high
 
 
-class LogOddsGrid(CellGrid):
+class LogOddsGrid(MeasuredGrid):
     """A grid whose cells remember how probable an obstacle is, and can change their mind.
 
     Each scan counts once per cell, as a hit or as a miss, however many beams met it. Probabilities are clamped, so that

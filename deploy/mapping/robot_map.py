@@ -16,9 +16,9 @@ from common.geometry import Pose, Scan
 from common.mapping.mapper import Mapper
 from deploy.config import DeployConfig
 from deploy.mapping.belief_writer import BeliefWriter
-from deploy.mapping.cells import CellGrid
 from deploy.mapping.intake import Intake, StampedTransform
 from deploy.mapping.log_odds import Beams, LogOddsGrid
+from deploy.mapping.measured_grid import MeasuredGrid
 from deploy.mapping.octomap import OctoMap
 from deploy.mapping.slam_grid import SlamGrid, resample, strangeness
 from deploy.mapping.transforms import Transform
@@ -84,7 +84,7 @@ class RobotMap:
         self._grid_newest: tuple[SlamGrid, str] | None = None
         self._grid_pending: tuple[SlamGrid, str] | None = None
         self._target = target
-        self._cells: CellGrid | None = None
+        self._cells: MeasuredGrid | None = None
         self._writer: BeliefWriter | None = None
         self._octomap: OctoMap | None = None
         self._integrated = 0
@@ -323,7 +323,7 @@ class RobotMap:
             return
         mapping = self._config.mapping
         if self._cells is None:
-            self._cells = CellGrid(mapping.resolution, self._near_anchor(sensor[:2]))
+            self._cells = MeasuredGrid(mapping.resolution, self._near_anchor(sensor[:2]))
         columns = octomap.columns
         (x, y), voxel = columns.origin, columns.resolution
         top, bottom, left, right = changed
@@ -360,7 +360,7 @@ class RobotMap:
             if self._cells is None:
                 # Cells on the corners of the SLAM's own need no resampling where the sizes agree.
                 anchor = grid.origin[:2] if abs(grid.origin[2]) < 1e-6 else self._near_anchor(grid.origin[:2])
-                self._cells = CellGrid(mapping.resolution, anchor)
+                self._cells = MeasuredGrid(mapping.resolution, anchor)
             self._cells.replace(*resample(grid, sensing, mapping.resolution, self._cells.anchor))
             self._integrated += 1
         except MappingError as error:

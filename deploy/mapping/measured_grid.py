@@ -14,7 +14,7 @@ from common.mapping.sight import FREE, OCCUPIED, UNKNOWN
 MAX_CELLS: Final = 1 << 26
 
 
-class CellGrid(GrowingGrid):
+class MeasuredGrid(GrowingGrid):
     """Cells of -1, 0 and 100; boxes of changes are those of ``states``.
 
     Attributes:
