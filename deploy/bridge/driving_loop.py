@@ -63,8 +63,8 @@ class DrivingLoop(Closing):
 
     Usage::
 
-        with DrivingLoop(driving, 1.0, robot_map, health, gate, velocity, may_move, loop.report_blocked) as driver:
-            driver.follow(outcome.course.route)
+        with DrivingLoop(config, 1.0, robot_map, health, gate, velocity, may_move, loop.report_blocked) as driving:
+            driving.follow(outcome.course.route)
     """
 
     def __init__(
