@@ -217,7 +217,7 @@ class SafetyConfig(Section):
     turn_limit: Positive = 3.0
     """The watchdog never lets more through, rad/s."""
     geofence: tuple[Point, ...] = ()
-    """Polygon (x, y in the map frame) that the robot must not leave; empty for none."""
+    """Polygon (x, y in the map frame) that the robot must not leave with any part of its footprint; empty for none."""
     joy_deadband: Fraction = 0.1
     """A stick axis moved beyond this takes over."""
     joy_axes: tuple[Annotated[int, Field(ge=0)], ...] = (0, 1, 3, 4)

@@ -105,7 +105,7 @@ class Bridge(Closing):
     def _configure(self) -> None:
         config, enter = self._config, self._parts.enter_context
         sys.setswitchinterval(_SWITCH_INTERVAL)
-        Geofence(config.safety.geofence)
+        fence = Geofence.around_robot(config)
         # A bridge that is the router itself has a network of its own.
         probe = None if config.ros.listen else enter(NameProbe(config.name, config.ros))
         self._live = (
@@ -119,7 +119,7 @@ class Bridge(Closing):
             # Before the watchdog: its zeros would stop the other bridge's robot.
             probe.check()
         self._map = RobotMap(with_planning_set(config, self._planners), self._mission.orders.target)
-        self._health = HealthMonitor(config.safety, sensor=config.sensing.source)
+        self._health = HealthMonitor(config.safety, fence, config.sensing.source)
         self._inputs = Inputs(config, self._map, self._health)
         self._loop = DecisionLoop(
             decision, config.mapping, config.safety, self._map, self._planners, self._mission, self._health

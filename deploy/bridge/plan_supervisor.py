@@ -40,9 +40,9 @@ class PlanSupervisor:
     """
 
     def __init__(self, safety: SafetyConfig, mapping: MappingConfig) -> None:
-        """Ban and fence off nothing yet but what lies outside `safety.geofence`."""
+        """Ban nothing yet; the graph's room for the robot is kept from the edge of `safety.geofence` too."""
         self.target: Position | None = None
-        self._fence = Geofence(safety.geofence)
+        self._fence = Geofence(safety.geofence, mapping.robot_radius)
         self._blacklist = Blacklist(safety, min(_SAME_PLACE, mapping.viewpoint_spacing / 2.0))
         self._progress = ProgressMonitor(safety)
         self._progress_time = safety.progress_time

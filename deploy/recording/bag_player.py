@@ -25,6 +25,7 @@ from deploy.ros2 import Message, Received, RosError
 from deploy.ros2.conversions import pose_from_stamped, position_from
 from deploy.ros2.messages import deserialize
 from deploy.ros2.names import namespace, topic_name
+from deploy.safety.geofence import Geofence
 from deploy.safety.health import HealthMonitor
 
 log = logging.getLogger(__name__)
@@ -104,7 +105,7 @@ class BagPlayer:
         self._now = 0.0
         planners = make_planners(config)
         self._map = RobotMap(with_planning_set(config, planners), config.decision.goal)
-        self._health = HealthMonitor(config.safety, sensor=config.sensing.source)
+        self._health = HealthMonitor(config.safety, Geofence.around_robot(config), config.sensing.source)
         self._mission = Mission(config.decision.task, config.decision.goal)
         self._inputs = Inputs(config, self._map, self._health)
         self._loop = DecisionLoop(

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from common.errors import MappingError
 from common.geometry import Pose
-from deploy.config import Point
 from deploy.mapping.transforms import TransformTree
 from deploy.network_config import FramesConfig, TopicsConfig
 from deploy.ros2 import SENSOR, STATIC, Message, Node, QoS, Received
@@ -25,12 +24,12 @@ class FenceWatch:
 
     Usage::
 
-        FenceWatch(corners, topics, frames, lambda outside: print(outside or "inside")).subscribe(node)
+        FenceWatch(fence, topics, frames, lambda outside: print(outside or "inside")).subscribe(node)
     """
 
     def __init__(
         self,
-        corners: Sequence[Point],
+        fence: Geofence,
         topics: TopicsConfig,
         frames: FramesConfig,
         tell: Callable[[str], None],
@@ -40,16 +39,13 @@ class FenceWatch:
         """Know nothing yet.
 
         Args:
-            corners: of the fence, metres, in the map frame.
+            fence: that the robot must be inside with all of it.
             topics: names of those that tell poses.
             frames: names of the map's and of the robot's.
             tell: called from the threads of subscriptions with where the robot stands outside, empty when it is inside.
             by_tf: poses come by transforms, not by odometry.
-
-        Raises:
-            ConfigError: the fence is no polygon.
         """
-        self._fence = Geofence(corners)
+        self._fence = fence
         self._by_tf = by_tf
         self._topics = topics
         self._frames = frames
@@ -97,7 +93,7 @@ class FenceWatch:
                 self._at(found.pose)
 
     def _at(self, pose: Pose) -> None:
-        inside = self._fence.contains(pose.position)
+        inside = self._fence.holds(pose)
         if inside != self._inside:
             self._inside = inside
             self._tell("" if inside else f"({pose.x:.2f}, {pose.y:.2f})")

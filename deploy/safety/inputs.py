@@ -60,9 +60,10 @@ class WatchdogInputs:
         if config.safety.geofence:
             # Imported where there is a fence alone: a watchdog has to be at work soon.
             from deploy.safety.fence_watch import FenceWatch
+            from deploy.safety.geofence import Geofence
 
             FenceWatch(
-                config.safety.geofence,
+                Geofence.around_robot(config),
                 topics,
                 config.frames,
                 self._heard_fence,

@@ -256,7 +256,7 @@ def test_a_waypoint_that_is_no_longer_free_is_replaced_in_the_same_pass():
 
 def test_the_geofence_is_never_left_and_ends_the_exploration():
     fence = [[0.0, 0.0], [30.0, 0.0], [30.0, 24.0], [0.0, 24.0]]
-    trial = started(ARMS, safety={"geofence": fence})
+    trial = started(ARMS, mapping={**MAPPING, "robot_radius": 0.5}, safety={"geofence": fence})
     last = trial.run(200, ended)
     assert last.orders.phase is Phase.FINISHED
     assert last.orders.reason.startswith("not complete: ")
@@ -265,8 +265,9 @@ def test_the_geofence_is_never_left_and_ends_the_exploration():
     assert last.unseen is not None
     assert last.unseen.length >= 2.0
     assert last.unseen.position[0] > 28.0
-    assert all(o.course.waypoint[0] <= 30.0 for o in trial.outcomes if o.course)
-    assert max(o.pose.x for o in trial.outcomes) <= 30.0
+    edge = 30.0 - trial.config.mapping.robot_radius
+    assert all(o.course.waypoint[0] <= edge for o in trial.outcomes if o.course)
+    assert max(o.pose.x for o in trial.outcomes) <= edge
 
 
 def test_the_robot_drives_home_when_it_is_done():
