@@ -16,9 +16,9 @@ import sys
 import time
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
+from common.cli import output_console
 from common.runtime import process_environment
 
 # Part, what it measures, threads of the numerical libraries (None: all cores, as in the learner).
@@ -65,7 +65,7 @@ def main() -> int:
     unknown = set(arguments.parts) - set(PARTS)
     if unknown:
         parser.error(f"unknown part {sorted(unknown)[0]!r}: choose from {', '.join(PARTS)}")
-    console = Console()
+    console = output_console()
     console.print(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}, load {_load()}")
     results: dict[str, dict[str, float]] = {}
     failed = False

@@ -30,10 +30,15 @@ SHOWN = {
 
 
 def table_of(found: Sequence[Results], baseline: str) -> str:
-    """Return the table of some results and what a reader of it has to know, as Markdown."""
+    """Return results as Markdown: what each planner did, how they compare, and what a reader has to know."""
     titles, rows = make_rows(found, baseline, "px")
-    *lines, _ = render(titles, rows, "markdown").split("\n")
-    return "\n".join([*lines, *(f"- {note}" for note in notes(found, baseline))])
+    cut = next(number for number, title in enumerate(titles) if title.startswith("/ "))
+    halves = [range(cut), [0, *range(cut, len(titles))]]
+    tables = [
+        render([titles[place] for place in half], [[row[place] for place in half] for row in rows], "markdown").strip()
+        for half in halves
+    ]
+    return "\n\n".join([*tables, "\n".join(f"- {note}" for note in notes(found, baseline))])
 
 
 def typical_map(found: Sequence[Results]) -> str:

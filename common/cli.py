@@ -7,12 +7,15 @@ import io
 import sys
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
-from typing import Annotated, Any, ParamSpec, TypeVar
+from typing import Annotated, Any, Final, ParamSpec, TypeVar
 
 import typer
 from rich.console import Console
+from rich.markup import escape
+from rich.table import Column, Table
 
 from common.errors import HDError
+from common.extras import MissingPackageError, extras_with, package_of
 from common.printable import printable
 from common.registry import Registry
 
@@ -21,6 +24,34 @@ R = TypeVar("R")
 
 EXIT_ERROR = 1
 EXIT_INTERRUPTED = 130
+# Wide enough for every table of ours.
+_PIPE_COLUMNS: Final = 400
+# Which extra the commands of a folder ask for when several bring the package.
+_FIRST_EXTRA: Final = {"actors": "actor", "learner": "learner", "deploy": "robot"}
+
+
+def output_console() -> Console:
+    """Return a console on standard output whose tables stay whole: a pipe or a file has no width.
+
+    Without emoji: `:office:` would become a house, and generators have such names.
+    """
+    console = Console(emoji=False, highlight=False)
+    return console if console.is_terminal else Console(emoji=False, highlight=False, width=_PIPE_COLUMNS)
+
+
+def message_console() -> Console:
+    """Return a console on standard error, for progress, warnings and errors."""
+    return Console(stderr=True, emoji=False, highlight=False)
+
+
+def whole_table(*titles: str, **options: Any) -> Table:
+    """Return a table that folds long words instead of cutting them.
+
+    Args:
+        titles: of the columns.
+        options: other arguments of `rich.table.Table`.
+    """
+    return Table(*(Column(title, overflow="fold") for title in titles), **options)
 
 
 class CommandApp(typer.Typer):
@@ -46,10 +77,14 @@ def command_errors(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*args, **kwargs)
         except HDError as error:
-            # Without emoji: the one of `:office:` is a house, and generators have such names.
-            console = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
-            console.print(f"[bold red]error:[/] {_plain(str(error))}")
-            raise typer.Exit(EXIT_ERROR) from None
+            raise _ended_by(error) from None
+        except ModuleNotFoundError as error:
+            package = package_of(error)
+            extras = extras_with(package, _FIRST_EXTRA.get(function.__module__.partition(".")[0])) if package else ()
+            if package is None or not extras:
+                # A module of this project that is missing is a defect.
+                raise
+            raise _ended_by(MissingPackageError("this command", package, extras[:1])) from None
         except KeyboardInterrupt:
             sys.stderr.write("interrupted\n")
             raise typer.Exit(EXIT_INTERRUPTED) from None
@@ -94,5 +129,8 @@ def completing(registry: Registry) -> Callable[[str], list[str]]:
     return complete
 
 
-def _plain(text: str) -> str:
-    return printable(text, lines=True).replace("[", "\\[")
+def _ended_by(error: HDError) -> typer.Exit:
+    """Print an error, and return what ends the command."""
+    words = escape(printable(str(error), lines=True))
+    message_console().print("[bold red]error:[/]", words, soft_wrap=True)
+    return typer.Exit(EXIT_ERROR)

@@ -49,6 +49,12 @@ def cache_folder(package: str) -> Path:
     return _caches() / f"{package}-{digest.hexdigest()}"
 
 
+def kernels_are_compiled(package: str) -> bool:
+    """Tell whether kernels of a package were compiled before, for the sources as they are now."""
+    folder = Path(os.environ.get("NUMBA_CACHE_DIR") or cache_folder(package))
+    return any(folder.rglob("*.nbc"))
+
+
 def forget_old_caches() -> None:
     """Delete caches that nobody has used for a week; call it where kernels are warmed up."""
     current = {cache_folder(package) for package in ("common", "actors", "learner", "deploy")}

@@ -7,18 +7,19 @@ import sys
 from collections.abc import Mapping
 
 # Training allocates and frees the same large tensors in every step. With glibc's defaults each of them is mapped
-# from and returned to the system, and the page faults cost a third of the time (RECIPES, "Speed reached").
+# from and returned to the system, and the page faults cost a third of the time (docs/design.md,
+# "Memory and threads of the processes").
 MALLOC_SETTINGS = {
     "MALLOC_MMAP_THRESHOLD_": str(1 << 30),
     "MALLOC_TRIM_THRESHOLD_": str(1 << 31),
     "MALLOC_TOP_PAD_": str(64 << 20),
 }
 
-# Threads of OpenMP that wait for work spin by default, and take the cores from the actors beside them (RECIPES, "Second
-# round": 1.9 to 4.4 times the updates on a shared machine).
+# Threads of OpenMP that wait for work spin by default, and take the cores from the actors beside them: without this a
+# shared machine makes 1.9 to 4.4 times fewer updates (docs/design.md, "Memory and threads of the processes").
 OPENMP_SETTINGS = {"OMP_WAIT_POLICY": "PASSIVE"}
 
-# Two threads receive everything by default, so two busy clients could freeze a session (BUS.md, measurement 2).
+# Two threads receive everything by default, so two busy clients could freeze a session (docs/design.md, "Zenoh").
 ZENOH_SETTINGS = {"ZENOH_RUNTIME": "(rx: (worker_threads: 8))"}
 
 _MARK = "HD_PROCESS_PREPARED"

@@ -12,12 +12,10 @@ from typing import Annotated
 
 import typer
 import zenoh
-from rich.console import Console
-from rich.table import Table
 
 from common.bus.control import request
 from common.bus.fleet import Answers, bridges_at, command_all
-from common.cli import CommandApp, add_version, command_errors
+from common.cli import CommandApp, add_version, command_errors, output_console, whole_table
 from common.config.describe import to_markdown, to_toml
 from common.errors import BusError, ConfigError
 from common.logs import setup_logging
@@ -28,8 +26,6 @@ from deploy.profiles import DEPLOY, load_deploy_config
 from deploy.recording.cli import app as recording_app
 from deploy.robot.cli import DEMO_EXAMPLES, demo, robot
 from deploy.robot.cli import EXAMPLES as ROBOT_EXAMPLES
-from deploy.ros2.graph import watch
-from deploy.ros2.session import guest_of, open_session
 from deploy.ros_arguments import BEGIN, translate
 
 # Seconds in which a bridge shows up that is there.
@@ -162,6 +158,7 @@ def relay(
     resolved = _load(profile, config, overrides, connect, name, extra)
     from deploy.relay.process import as_router, run_relay
     from deploy.relay.relay import relay_name
+    from deploy.ros2.session import guest_of, open_session
 
     if status:
         guest = guest_of(resolved.ros)
@@ -212,6 +209,8 @@ def command(
         release_of(arguments)
     elif who or why:
         raise CommandError(f"--who and --why are for `release`, not for {verb!r}")
+    from deploy.ros2.session import guest_of, open_session
+
     resolved = _load(profile, config, overrides, connect, name)
     where = ", ".join(guest_of(resolved.ros).connect)
     with open_session(guest_of(resolved.ros)) as session:
@@ -249,16 +248,19 @@ def topics(
 
     Example: `hd-deploy topics --profile cmu --connect tcp/192.168.1.5:7447`
     """
+    from deploy.ros2.graph import watch
+    from deploy.ros2.session import guest_of
+
     resolved = _load(profile, config, overrides, connect, None)
     graph = watch(guest_of(resolved.ros), wait)
-    console = Console()
+    console = output_console()
     if not graph.nodes and not graph.endpoints:
         raise BusError(
             f"nobody shows up at {', '.join(guest_of(resolved.ros).connect)}: check the endpoint, ros.domain "
             f"({resolved.ros.domain}) and that the robot's RMW is rmw_zenoh, or a zenoh-bridge-ros2dds runs"
         )
     console.print(f"nodes: {', '.join(node.name for node in graph.nodes) or 'none'}")
-    table = Table("topic", "type", "publishers", "subscriptions")
+    table = whole_table("topic", "type", "publishers", "subscriptions")
     found = graph.topics()
     for topic, endpoints in found.items():
         by_role = {
@@ -271,7 +273,7 @@ def topics(
     published = {topic for topic, endpoints in found.items() if any(each.role == "publisher" for each in endpoints)}
     missing = [topic for topic in _needed(resolved) if topic not in published]
     if missing:
-        console.print(f"[yellow]nobody publishes what the bridge needs: {', '.join(missing)}[/]")
+        console.print(f"nobody publishes what the bridge needs: {', '.join(missing)}", style="yellow")
 
 
 @app.command()
@@ -354,12 +356,12 @@ def _needed(config: DeployConfig) -> list[str]:
 
 
 def _show(status: dict[str, object]) -> None:
-    table = Table(show_header=False, box=None)
+    table = whole_table("", "", show_header=False, box=None)
     for key, value in status.items():
         if value not in (None, "", {}, []):
             text = json.dumps(value, ensure_ascii=False) if isinstance(value, dict | list) else str(value)
             table.add_row(key.replace("_", " "), text)
-    Console().print(table)
+    output_console().print(table)
 
 
 @command_errors

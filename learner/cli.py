@@ -9,12 +9,11 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 
-from common.cli import CommandApp, add_version, command_errors, completing
+from common.cli import CommandApp, add_version, command_errors, completing, message_console
 from common.config.describe import to_markdown, to_toml
 from common.config.load import load_config, preset_names
 from common.config.schema import RunConfig
@@ -268,6 +267,25 @@ def certificates(
         typer.echo(str(path))
 
 
+@app.command("runs")
+@command_errors
+def list_runs(
+    runs: RunsFolder = RUNS,
+    style: Annotated[Literal["text", "csv", "json"], typer.Option("--format", help="Of the table.")] = "text",
+) -> None:
+    """Compare runs: one line each, from the summaries that their checkpoints write.
+
+    Examples:
+    - `hd-learner runs`
+
+    - `hd-learner runs --format csv > runs.csv`
+    """
+    from learner.run.summary import read_summaries
+    from learner.watch.runs_table import show_runs
+
+    show_runs(read_summaries(runs), style)
+
+
 @app.command()
 @command_errors
 def doctor(
@@ -325,23 +343,27 @@ class RunOptions:
 def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, overwrite: bool) -> None:
     if options.serial and (options.actors or options.evaluators):
         raise ConfigError("--serial runs one actor in the learner's own process: leave --actors and --evaluators out")
-    console = Console(stderr=True)
+    console = message_console()
     setup_logging(options.log_level, console=console if console.is_terminal else None)
     check_maps(config, elsewhere=options.maps_elsewhere)
-    # Imported here, so that help and errors of the configuration come at once: torch takes seconds.
+    # Imported here, so that help and errors of the configuration come at once: torch takes seconds. Imported before the
+    # run's folder is made, so that a missing package leaves none behind.
     from learner.run.folder import RunFolder
+    from learner.watch.writers import check_writers
+
+    check_writers(config)
+    if options.serial:
+        from learner.serial import run_serial
+    else:
+        from learner.process import Companions, run_learner
 
     folder = RunFolder.open(runs, config.name) if resume else RunFolder.create(runs, config, overwrite=overwrite)
     with folder, _log_file(folder.path / "learner.log"):
         if resume:
             folder.reconfigure(config)
         if options.serial:
-            from learner.serial import run_serial
-
             run_serial(folder, console, resume=resume)
         else:
-            from learner.process import Companions, run_learner
-
             run_learner(folder, Companions(options.actors, options.evaluators), console, resume=resume)
 
 

@@ -67,7 +67,6 @@ class Link(Closing):
     Args:
         session: an open session.
         trainer: begun or resumed; deliveries arrive from here on.
-        publisher: of weights.
         learner: incarnation of this process.
         reporter: makes status records.
     """

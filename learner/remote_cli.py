@@ -10,12 +10,11 @@ from typing import Annotated
 
 import typer
 import zenoh
-from rich.console import Console
 
 from common.bus.control import request
 from common.bus.session import open_client_session
 from common.bus.spec import list_runs
-from common.cli import command_errors
+from common.cli import command_errors, output_console
 from common.config.load import load_config
 from common.errors import BusError, MessageError
 from learner.watch.status import LearnerStatus
@@ -62,7 +61,7 @@ def status(
     if as_json:
         typer.echo(json.dumps(found.to_json(), indent=2))
     else:
-        Console().print(render(found))
+        output_console().print(render(found))
 
 
 @command_errors

@@ -30,8 +30,10 @@ from learner.run.episodes import EpisodeLog
 from learner.run.folder import RunFolder, has_begun
 from learner.run.group_commit import GroupCommit
 from learner.run.journal import Journal
+from learner.run.summary import RunSummary, write_summary
 from learner.watch.curve_recorder import LOG_EVERY, CurveRecorder
 from learner.watch.evaluation import Round
+from learner.watch.writers import make_writers
 
 logger = logging.getLogger(__name__)
 
@@ -168,7 +170,8 @@ class Trainer:
     def _open_records(self, episodes_length: int, updates: int) -> None:
         episodes = EpisodeLog(self.run.episodes, episodes_length, self.disk)
         self.ingest = Ingest(self.config, self.replay, self.limiter, self._journal, episodes, self._evaluators)
-        self.recorder = CurveRecorder(self.run.tensorboard, self.ingest, updates, self.disk)
+        writers = make_writers(self.run.path, self.config)
+        self.recorder = CurveRecorder(self.run.tensorboard, self.ingest, updates, self.disk, writers)
 
     # --- the stages of the loop --------------------------------------------------------------------------------
 
@@ -310,6 +313,9 @@ class Trainer:
         self._checkpoint_wanted.clear()
         self.ingest.forget_before(self._oldest_place())
         self.recorder.flush()
+        summary = self.summary()
+        write_summary(self.run.path, summary)
+        self.recorder.write_summary(summary.flat())
         self._schedule_checkpoint()
         seconds = time.monotonic() - began
         self.recorder.note("time/checkpoint_ms", 1e3 * seconds)
@@ -402,6 +408,25 @@ class Trainer:
             ranges=self.config.mapping_ranges,
             seed=self.config.seed,
             wall_seconds=round(self._earlier_seconds + self.uptime),
+        )
+
+    def summary(self) -> RunSummary:
+        """Describe the run for a table of runs."""
+        return RunSummary(
+            name=self.config.name,
+            state=self.state,
+            task=self.config.task_name,
+            algorithm=self.config.algorithm,
+            updates=self.limiter.updates,
+            total_updates=self.config.learner.total_updates,
+            steps=self.limiter.steps,
+            episodes=self.ingest.episode_count,
+            hours=round((self._earlier_seconds + self.uptime) / 3600.0, 3),
+            best_version=self.best.version,
+            best=self.best.figures,
+            seed=self.config.seed,
+            commit=self._commit,
+            written=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
         )
 
     # --- parts -------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""The directions of imports that DESIGN asks for: common knows nobody, the others know common alone."""
+"""The directions of imports (docs/architecture.md): common knows nobody, the others know common alone."""
 
 import ast
 from pathlib import Path

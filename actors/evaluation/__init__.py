@@ -1,1 +1,1 @@
-"""Evaluation: runs planners on worlds, recounts what they did, compares them and shows it."""
+"""Evaluation: run planners on worlds, recount what they did, compare them and show the results."""

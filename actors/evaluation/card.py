@@ -1,4 +1,4 @@
-"""Bench figures into a policy's card."""
+"""Writing benchmark figures into a policy's card."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from common.policy_file import PolicyCard, read_card, write_card
 
 
 def note_bench(policy: Path, found: Sequence[Results], planner: str) -> PolicyCard:
-    """Write what a policy did on benchmark maps, beside what the other planners did there, into its card.
+    """Write a policy's benchmark figures, along with those of the other planners, into its card.
 
     Args:
         policy: the weights; the card lies beside them.

@@ -1,4 +1,4 @@
-"""The command `hd-eval`: is it better, by how much, and is that real?"""
+"""The command `hd-eval`: which planner is better, by how much, and whether the difference is significant."""
 
 from __future__ import annotations
 
@@ -8,16 +8,25 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 
 from actors.evaluation.large.cli import app as large_app
 from actors.evaluation.options import ConfigFile, Limit, Maps, Overrides, Start, Target, TaskName, resolve
 from actors.evaluation.progress import planner_list, run_and_show
 from actors.evaluation.results_cli import app as results_app
-from common.cli import EXIT_ERROR, CommandApp, add_version, command_errors, completing
+from common.cli import (
+    EXIT_ERROR,
+    CommandApp,
+    add_version,
+    command_errors,
+    completing,
+    message_console,
+    output_console,
+    whole_table,
+)
 from common.extensions import SIMULATORS
 from common.logs import setup_logging
+from common.progress import Steps
 from common.tasks import EXPLORATION
 
 app = CommandApp(
@@ -49,7 +58,7 @@ def run(
         ),
     ],
     maps: Maps,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results; made when missing.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; created if missing.")],
     task: TaskName = EXPLORATION.name,
     sim: Annotated[
         str,
@@ -73,7 +82,7 @@ def run(
         float,
         typer.Option("--time-limit", min=0.001, metavar="SECONDS", help="Processor time; a slower decision fails."),
     ] = 10.0,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Begin anew instead of going on.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Start over instead of continuing.")] = False,
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
@@ -95,7 +104,7 @@ def run(
     """
     from actors.evaluation.runner import Evaluation
 
-    console = Console(stderr=True)
+    console = message_console()
     setup_logging("warning", console=console if console.is_terminal else None)
     settings = resolve(
         maps,
@@ -135,6 +144,45 @@ def planners() -> None:
 
 
 add_version(app)
+
+
+@app.command("maps")
+@command_errors
+def public_maps(
+    name: Annotated[str | None, typer.Argument(metavar="SET", help="Name of a public set.")] = None,
+    folder: Annotated[Path | None, typer.Argument(metavar="FOLDER", help="Folder that should hold it.")] = None,
+) -> None:
+    """List the public sets of maps and how to fetch them, or check a folder that should hold one.
+
+    The exit code is 1 when something is wrong with the folder.
+
+    Examples:
+    - `hd-eval maps`
+
+    - `hd-eval maps exploration-easy ARiADNE/DungeonMaps/easy`
+    """
+    from actors.maps.public_sets import PUBLIC_SETS, check_folder, find_set
+
+    if name is None:
+        table = whole_table("set", "maps", "use", "licence", "fetch it", box=None, pad_edge=False)
+        for each in PUBLIC_SETS.values():
+            count = "" if each.count is None else str(each.count)
+            table.add_row(each.name, count, each.use, each.licence, each.commands)
+        output_console().print(table)
+        return
+    wanted = find_set(name)
+    if folder is None:
+        sys.stdout.write(wanted.commands + "\n")
+        return
+    with Steps(message_console(), "maps") as steps:
+        found = check_folder(wanted, folder, lambda files, total: steps.track(name, files, total))
+    for problem in found.problems:
+        sys.stdout.write(f"{problem}\n")
+    sys.stdout.write(f"{folder}: {found.maps} maps, {len(found.problems)} problems\n")
+    if found.problems:
+        raise typer.Exit(EXIT_ERROR)
+
+
 app.add_typer(results_app)
 app.add_typer(large_app)
 

@@ -86,7 +86,7 @@ class Journal:
             if first != head:
                 raise ResultsError(
                     f"{self._path} is of a run with other settings ({_difference(first, head)}): choose another --out, "
-                    "or begin anew with --overwrite"
+                    "or start over with --overwrite"
                 )
             for line in lines[1:]:
                 values = parse_json(line)
@@ -96,7 +96,7 @@ class Journal:
                 if not outcome.crashed:
                     self._take(number, outcome, commit)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise ResultsError(f"{self._path} is damaged ({error}): begin anew with --overwrite") from error
+            raise ResultsError(f"{self._path} is damaged ({error}): start over with --overwrite") from error
 
     def _take(self, number: int, outcome: Outcome, commit: str) -> None:
         self.outcomes[number] = outcome

@@ -1,4 +1,4 @@
-"""The omniscient reference: what a robot would drive that knew the map. It is no planner, and is never one's rival."""
+"""The omniscient reference: the route of a robot that knows the map. It is a yardstick, not a planner."""
 
 from __future__ import annotations
 

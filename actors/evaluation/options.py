@@ -1,4 +1,4 @@
-"""Options that the commands of `hd-eval` share, and what they make together."""
+"""Options that the commands of `hd-eval` share, and the settings made from them."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from actors.evaluation.retrace import retrace
 from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.statistics import distance_ratio, find
 from actors.maps.grid_map import GridMap
-from common.errors import ConfigError
+from common.extras import optional
 from common.mapping.belief import Belief
 from common.tasks import find_task
 
@@ -176,7 +176,7 @@ def plot_scatter(found: Sequence[Results], baseline: str, path: Path) -> None:
     reference = find(found, baseline)
     others = [results for results in found if results is not reference]
     if not others:
-        raise ResultsError(f"there is only {baseline!r}: a scatter plot needs the results of another planner too")
+        raise ResultsError(f"there is only {baseline!r}: a scatter plot needs the results of another planner, too")
     figure, axes = panels(len(others), 1.0)
     theirs = {episode.map: episode for episode in reference.episodes}
     for results, ax in zip(others, axes, strict=False):
@@ -211,11 +211,10 @@ def panels(count: int, aspect: float, width: float = PANEL_WIDTH) -> tuple[Any, 
     Raises:
         ConfigError: matplotlib is not installed.
     """
-    try:
+    with optional("a plot", "plots"):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
-    except ModuleNotFoundError as error:
-        raise ConfigError("plots need matplotlib, which is not installed: pip install 'hdplanner[plots]'") from error
+
     across = min(count, 3)
     down = -(-count // across)
     figure = Figure(figsize=(width * across, (width * aspect + 0.35) * down + 0.3), layout="constrained")

@@ -238,7 +238,7 @@ class WorkerPool:
         code = worker.bury()
         self._workers.remove(worker)
         if not worker.ready:
-            raise HDError(f"the worker processes cannot start (exit code {code}): their last lines above tell why")
+            raise HDError(f"the worker processes cannot start (exit code {code}): see their last lines above")
         if worker.job is None:
             return None, None
         reason = worker.killed_for or f"its process ended with exit code {code}"

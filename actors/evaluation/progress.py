@@ -1,24 +1,20 @@
-"""Shows how far an evaluation is, for the commands that run one."""
+"""The progress display of commands that run an evaluation."""
 
 from __future__ import annotations
 
 import signal
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from common.progress import Steps, tell_of_kernels
 from common.signals import on_signals
 
 if TYPE_CHECKING:
     from actors.evaluation.runner import Evaluation
     from actors.evaluation.runner import Progress as Finished
-
-# Seconds between two lines about progress where there is no terminal for bars.
-LINE_SECONDS = 30.0
 
 
 def planner_list(given: Sequence[str]) -> list[str]:
@@ -39,30 +35,23 @@ def run_and_show(evaluation: Evaluation, planners: Sequence[str], jobs: int, con
         HDError: the processes cannot start, or the results cannot be written.
         KeyboardInterrupt: on SIGINT or SIGTERM; the results hold what was done, and the console was told how to go on.
     """
-    bars = progress_bars(console)
-    with bars, termination_interrupts():
-        rows = {
-            name: bars.add_task(name, total=evaluation.worlds, completed=evaluation.done(name))
-            for name in dict.fromkeys(planners)
-        }
-        said = time.monotonic()
+    tell_of_kernels(console, "common", "actors")
+    rows = list(dict.fromkeys(planners))
+    with Steps(console) as steps, termination_interrupts():
+        for name in rows:
+            steps.add(name, evaluation.worlds, evaluation.done(name))
 
         def watch(finished: Finished) -> None:
-            nonlocal said
-            bars.advance(rows[finished.job.planner])
-            if not console.is_terminal and time.monotonic() - said > LINE_SECONDS:
-                said = time.monotonic()
-                counts = ", ".join(f"{task.description} {task.completed:.0f}" for task in bars.tasks)
-                console.print(f"{counts} of {evaluation.worlds} episodes", highlight=False)
+            steps.advance(finished.job.planner)
 
         try:
             evaluation.run(jobs, watch)
         except KeyboardInterrupt:
-            bars.stop()
+            steps.stop()
             for name in rows:
                 file, done = evaluation.results_file(name), evaluation.done(name)
                 console.print(f"{file}: {done} of {evaluation.worlds} episodes", highlight=False)
-            console.print("broken off: the same command goes on from here", highlight=False)
+            console.print("interrupted: the same command continues from here", highlight=False)
             raise
     crashes = evaluation.crashes()
     for name in rows:
@@ -95,15 +84,3 @@ def termination_interrupts() -> Iterator[None]:
 
     with on_signals(interrupt, signal.SIGTERM):
         yield
-
-
-def progress_bars(console: Console) -> Progress:
-    """Return progress bars, which show nothing when the console is no terminal."""
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        disable=not console.is_terminal,
-    )

@@ -98,7 +98,7 @@ class Results(Record):
         names = [episode.map for episode in self.episodes]
         twice = sorted({name for name in names if names.count(name) > 1}) if len(set(names)) < len(names) else []
         if twice:
-            raise ValueError(f"map {twice[0]!r} stands in it more than once")
+            raise ValueError(f"map {twice[0]!r} occurs more than once")
         return self
 
 
@@ -165,7 +165,7 @@ def read_record(path: Path, kind: type[R], command: str) -> R:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the file"
         raise ResultsError(
-            f"{path} is no results file of '{command}': {where}: {first['msg']} ({error.error_count()} problems)"
+            f"{path} is not a results file of '{command}': {where}: {first['msg']} ({error.error_count()} problems)"
         ) from error
     except ValueError as error:
         raise ResultsError(f"{path} is no results file of '{command}': {error}") from error

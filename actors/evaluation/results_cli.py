@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from actors.evaluation.options import (
     ConfigFile,
@@ -23,10 +22,10 @@ from actors.evaluation.options import (
     settings_of,
     write_text,
 )
-from actors.evaluation.progress import progress_bars
 from actors.evaluation.results import ResultsError, collect_results, read_results
-from common.cli import EXIT_ERROR, command_errors
+from common.cli import EXIT_ERROR, command_errors, message_console
 from common.errors import ConfigError
+from common.progress import Steps, tell_of_kernels
 
 app = typer.Typer()
 
@@ -79,7 +78,7 @@ def table(
 @command_errors
 def plot(
     results: ResultsPaths,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the pictures; made when missing.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the pictures; created if missing.")],
     kind: Annotated[PlotKind, typer.Option("--kind", help="What to draw.")] = PlotKind.ALL,
     maps: Annotated[
         list[str] | None,
@@ -112,7 +111,7 @@ def plot(
 
     found = collect_results(results)
     wanted = [kind] if kind is not PlotKind.ALL else [each for each in PlotKind if each is not PlotKind.ALL]
-    console = Console(stderr=True)
+    console = message_console()
     written: list[Path] = []
     if PlotKind.TRAJECTORIES in wanted or PlotKind.COVERAGE in wanted:
         if not maps:
@@ -128,10 +127,10 @@ def plot(
             written.append(path)
         if PlotKind.COVERAGE in wanted:
             path = out / f"coverage.{suffix}"
-            with progress_bars(console) as bars:
-                row = bars.add_task("coverage", total=sum(len(each.episodes) for each in found))
+            with Steps(console) as steps:
+                steps.add("coverage", sum(len(each.episodes) for each in found))
                 plots.plot_coverage(
-                    found, lambda name: worlds.load(numbers[name]), settings, path, lambda: bars.advance(row)
+                    found, lambda name: worlds.load(numbers[name]), settings, path, lambda: steps.advance("coverage")
                 )
             written.append(path)
     if PlotKind.BOXES in wanted:
@@ -173,11 +172,11 @@ def video(
     found = read_results(results)
     episode = next((one for one in found.episodes if map_name in (None, one.map)), None)
     if episode is None:
-        raise ResultsError(f"{results} has no episode on map {map_name!r}: choose a map that stands in it")
+        raise ResultsError(f"{results} has no episode on map {map_name!r}: choose one of its maps")
     settings, worlds = settings_of(found, maps, limit, config, overrides, start, target)
     world = worlds.load(worlds.find([episode.map])[episode.map])
     count = write_video(found, episode, world, settings, out, fps=fps, width=width)
-    Console(stderr=True).print(f"{out}: {count} pictures of {found.planner} on {episode.map}", highlight=False)
+    message_console().print(f"{out}: {count} pictures of {found.planner} on {episode.map}", highlight=False)
 
 
 @app.command()
@@ -187,7 +186,7 @@ def card(
     results: ResultsPaths,
     planner: Annotated[str, typer.Option("--planner", metavar="NAME", help="The policy's name there.")] = "hdplanner",
 ) -> None:
-    """Note a policy's bench figures in its card, beside those of the other planners.
+    """Add a policy's benchmark figures to its card, along with those of the other planners.
 
     Examples:
     - `hd-eval card exploration.safetensors results/exploration/`
@@ -211,7 +210,7 @@ def replay(
 ) -> None:
     """Recount results from their waypoints alone, and say where they disagree.
 
-    Routes are driven again in the grid simulator: every figure is counted anew and every rule of the protocol is
+    Routes are driven again in the grid simulator: every figure is recomputed and every rule of the protocol is
     checked. The exit code is 1 when something disagrees.
 
     Examples:
@@ -223,18 +222,17 @@ def replay(
 
     found = collect_results(results)
     settings, worlds = settings_of(found[0], maps, limit, config, overrides, start, target)
-    console = Console(stderr=True)
+    console = message_console()
+    tell_of_kernels(console, "common", "actors")
     differing = 0
     for each in found:
         numbers = worlds.find([episode.map for episode in each.episodes])
         disagreements = []
-        with progress_bars(console) as bars:
-            row = bars.add_task(each.planner, total=len(each.episodes))
-            for episode in each.episodes:
+        with Steps(console) as steps:
+            for episode in steps.track(each.planner, each.episodes, len(each.episodes)):
                 counted = recount(each, episode, worlds.load(numbers[episode.map]), settings)
                 if counted.problems:
                     disagreements.append(counted)
-                bars.advance(row)
         differing += len(disagreements)
         agree = len(each.episodes) - len(disagreements)
         sys.stdout.write(f"{each.planner}: {agree} of {len(each.episodes)} episodes agree\n")

@@ -1,4 +1,4 @@
-"""Drives a recorded route again: the belief as it was at each waypoint, for recounts, plots and videos."""
+"""Replays a recorded route: the belief as it was at each waypoint, for recounts, plots and videos."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def follow(
 ) -> Iterator[Moment]:
     """Drive a route in the grid simulator, scanning at its positions as the nominal protocol does.
 
-    The route is driven as it is given, even where that breaks a rule; each moment tells whether it did.
+    The route is driven as it is given, even where that breaks a rule; each moment says whether it did.
 
     Args:
         world: the true map.

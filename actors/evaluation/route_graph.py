@@ -1,4 +1,4 @@
-"""Where a robot may decide on the true map, its start and all viewpoints, with the shortest ways between them."""
+"""Where a robot may decide on the true map: its start and all viewpoints, with the shortest paths between them."""
 
 from __future__ import annotations
 

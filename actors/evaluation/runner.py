@@ -81,7 +81,7 @@ class Evaluation(Closing):
         self._settings = settings
         self._planners = list(dict.fromkeys(planners))
         if not self._planners:
-            raise ConfigError("no planner is named: give --planner NAME[,NAME...], see 'hd-eval planners'")
+            raise ConfigError("no planner given: use --planner NAME[,NAME...], see 'hd-eval planners'")
         for planner in self._planners:
             settings.make(planner)
         self._worlds = WorldSet.open(settings.maps, settings.task.name, settings.metres_per_pixel, settings.limit)
@@ -148,7 +148,7 @@ class Evaluation(Closing):
         for planner, journal in self._journals.items():
             if journal.outcomes and journal.commits[-1:] != [self._commit]:
                 made = ", ".join(journal.commits)
-                log.warning("planner %s: %d episodes were made at commit %s", planner, self.done(planner), made)
+                log.warning("planner %s: %d episodes were run at commit %s", planner, self.done(planner), made)
         try:
             if waiting:
                 self._work(waiting, min(jobs or os.cpu_count() or 1, len(waiting)), watch)
@@ -184,8 +184,8 @@ class Evaluation(Closing):
             return FileLock(journal.with_name(f".{journal.stem}.lock"))
         except LockedError as error:
             raise ResultsError(
-                f"another run (process {error.holder}) evaluates planner {planner!r} in {self._out}: wait for its end, "
-                "or choose another --out"
+                f"another run (process {error.holder}) evaluates planner {planner!r} in {self._out}: wait "
+                "until it ends, or choose another --out"
             ) from None
 
     def _work(self, waiting: Sequence[Job], workers: int, watch: Callable[[Progress], None] | None) -> None:

@@ -1,4 +1,4 @@
-"""What an evaluation is: planners, worlds, task and limits; the same in the command, its workers and its journal."""
+"""Settings of an evaluation: planners, worlds, task and limits, shared by the command, its workers and its journal."""
 
 from __future__ import annotations
 

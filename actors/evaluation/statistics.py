@@ -1,4 +1,4 @@
-"""Figures of planners and paired comparisons: how much better, and whether that is real."""
+"""Statistics of planners and paired comparisons: how much better, and whether the difference is significant."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.evaluation.results import Results, ResultsError
-from common.errors import ConfigError
+from common.extras import optional
 
 RESAMPLES = 9_999
 CONFIDENCE = 0.95
@@ -176,7 +176,7 @@ def _wilcoxon(difference: NDArray[np.float64]) -> float:
 
 
 def _bootstrap_ratio(a: NDArray[np.float64], b: NDArray[np.float64], resamples: int) -> tuple[float, float]:
-    """Return the percentile interval of sum(a) / sum(b) when maps are drawn anew; nan for fewer than two maps."""
+    """Return the percentile interval of sum(a) / sum(b) over resampled maps; nan for fewer than two maps."""
     if len(a) < 2:
         return float("nan"), float("nan")
     stats = _scipy_stats()
@@ -199,10 +199,7 @@ def _bootstrap_ratio(a: NDArray[np.float64], b: NDArray[np.float64], resamples: 
 
 
 def _scipy_stats() -> ModuleType:
-    try:
+    with optional("a comparison", "plots", instead="leave --baseline out"):
         from scipy import stats
-    except ModuleNotFoundError as error:
-        raise ConfigError(
-            "comparisons need SciPy, which is not installed: pip install 'hdplanner[plots]', or leave --baseline out"
-        ) from error
+
     return stats

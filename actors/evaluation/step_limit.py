@@ -1,4 +1,4 @@
-"""How many decisions a world takes: a rule from its area and from how much of it is seen at once.
+"""How many decisions a world takes: a rule based on its area and on how much of it is seen at once.
 
 From a place x of a world an area V(x) is in sight. As sight is mutual, a planner that saw nothing twice would need
 about N = integral of dA / V looks for the whole area A; that is A / V where V is the same everywhere. Measured on

@@ -38,7 +38,7 @@ class Suited:
 
     @property
     def sentence(self) -> str:
-        """A line that tells which settings hold; empty where nothing is recommended."""
+        """A line with the settings in effect; empty where nothing is recommended."""
         if not self.taken:
             return ""
         settings = " ".join(f"{path}={value}" for path, value in self.taken.items())

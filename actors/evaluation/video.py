@@ -16,7 +16,7 @@ from actors.evaluation.results import EpisodeResult, Results, ResultsError
 from actors.evaluation.retrace import Moment, retrace
 from actors.evaluation.settings import EvaluationSettings
 from actors.maps.grid_map import GridMap
-from common.errors import ConfigError
+from common.extras import optional
 from common.tasks import find_task
 
 SUFFIXES = (".gif", ".mp4")
@@ -157,14 +157,10 @@ def _write_gif(frames: list[Image.Image], path: Path, fps: int) -> int:
 
 
 def _write_mp4(frames: Iterator[Image.Image], path: Path, fps: int) -> int:
-    try:
+    with optional("an MP4 video", "plots", instead="write a .gif"):
         import imageio.v2 as imageio
         import imageio_ffmpeg  # noqa: F401 - imageio finds it by itself, but says less when it is missing
-    except ModuleNotFoundError as error:
-        raise ConfigError(
-            "MP4 needs imageio and imageio-ffmpeg, which are not installed: pip install 'hdplanner[plots]', or write "
-            "a .gif"
-        ) from error
+
     count = 0
     writer: Any = imageio.get_writer(path, fps=fps, codec="libx264", macro_block_size=2, ffmpeg_log_level="error")
     with writer:

@@ -1,4 +1,4 @@
-"""One worker process of an evaluation: runs episodes that it is told on standard input.
+"""One worker process of an evaluation: runs the episodes that it is given on standard input.
 
 Started as ``python -m actors.evaluation.worker SETTINGS``, the settings being JSON (`EvaluationSettings`). A job is
 one line ``{"planner": NAME, "number": N}``; what happens is told on standard output, one JSON object a line with an

@@ -1,4 +1,4 @@
-"""The worlds of an evaluation, each with a name that is unique among them; loaded when their turn comes."""
+"""The worlds of an evaluation, each with a unique name and loaded when needed."""
 
 from __future__ import annotations
 

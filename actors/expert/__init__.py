@@ -1,4 +1,4 @@
-"""Privileged experts: they see the true map, so they serve training alone."""
+"""Privileged experts: they see the true map, so they serve training only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The contract of a privileged expert: what every choice would cost on the true map."""
+"""The interface of a privileged expert: what every choice would cost on the true map."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The exploration expert: the shortest covering tour that it can find over the cells that are really missing."""
+"""The exploration expert: the shortest covering tour that it finds over the cells that are really missing."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class ExplorationExpert:
     ) -> ExpertLabel:
         """Judge the choices of one observation (see `Expert.judge`)."""
         if self._world is None:
-            raise HDError("the expert knows no map yet: call reset(world) before judge()")
+            raise HDError("the expert has no map yet: call reset(world) before judge()")
         true_nodes, places = self._graph.match(positions)
         waypoints = observation.waypoint_nodes()
         choices = true_nodes[waypoints]

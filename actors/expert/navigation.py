@@ -28,7 +28,7 @@ class NavigationExpert:
     def reset(self, world: GridMap) -> None:
         """Prepare for a world; raise MapError for one without a target."""
         if world.target is None:
-            raise MapError(f"map {world.name!r} has no target, so there is no way to it: use a navigation map")
+            raise MapError(f"map {world.name!r} has no target: use a navigation map")
         self._world = world
         self._graph = TrueGraph.build(world, self._mapping)
         self._to_target = self._graph.distances_to_target()
@@ -43,7 +43,7 @@ class NavigationExpert:
         """Judge the choices of one observation (see `Expert.judge`); what was seen does not matter."""
         del coverage
         if self._world is None or self._world.target is None:
-            raise HDError("the expert knows no map yet: call reset(world) before judge()")
+            raise HDError("the expert has no map yet: call reset(world) before judge()")
         true_nodes, places = self._graph.match(positions)
         to_target = np.where(true_nodes >= 0, self._to_target[true_nodes], np.inf)
         if observation.has_target:

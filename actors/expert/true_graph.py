@@ -1,4 +1,4 @@
-"""The viewpoint graph of the true map: the one that a robot has which knows all of it."""
+"""The viewpoint graph of the true map, as a robot that knows all of it would have it."""
 
 from __future__ import annotations
 

@@ -9,15 +9,13 @@ from typing import Annotated
 import numpy as np
 import typer
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
 from actors.maps.generators import find_generator
 from actors.maps.pictures import contact_sheet, distributions
 from actors.maps.png import write_png
 from actors.maps.sources import fixed_set, open_sources
 from actors.maps.statistics import MEASURES, distance, measure_all
-from common.cli import CommandApp, command_errors
+from common.cli import CommandApp, command_errors, output_console, whole_table
 from common.errors import MapError
 from common.extensions import GENERATOR_PREFIX, GENERATORS
 
@@ -54,12 +52,12 @@ def compare(
         )
         for name in MEASURES
     ]
-    console = Console()
+    console = output_console()
     if markdown:
         lines = ["| " + " | ".join(titles) + " |", "|" + " --- |" * len(titles)]
         console.out("\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows]), highlight=False)
     else:
-        table = Table(*titles, title=f"{maps} and {_generator(generator)}", caption=_CAPTION)
+        table = whole_table(*titles, title=f"{maps} and {_generator(generator)}", caption=_CAPTION)
         for row in rows:
             table.add_row(*row)
         console.print(table)
@@ -81,7 +79,7 @@ def generators() -> None:
             default = "style's own" if field.default is None else field.default
             lines.append(f"| `{parameter}` | {default} | {field.description} |")
         lines.append("")
-    Console().out("\n".join(lines), highlight=False)
+    output_console().out("\n".join(lines), highlight=False)
 
 
 @app.command()

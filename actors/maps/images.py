@@ -5,13 +5,16 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageOps, UnidentifiedImageError
 
 from common.errors import MapError
+from common.extras import optional
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 T = TypeVar("T", bound=np.generic)
 
@@ -60,7 +63,11 @@ def read_pixels(path: Path) -> Pixels:
 
     Raises:
         MapError: the file is missing, is no image of a known format, is too large or damaged.
+        MissingPackageError: Pillow is not installed.
     """
+    with optional("an image file", "actor"):
+        from PIL import Image, ImageOps, UnidentifiedImageError
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
@@ -99,11 +106,15 @@ def _eight_bits(path: Path, picture: Image.Image) -> Image.Image:
     values = np.asarray(picture, dtype=np.int64)
     if values.min() < 0 or values.max() > 0xFFFF:
         raise MapError(f"{path}: expected 8 or 16 bits a pixel, got values up to {values.max()}: convert the image")
+    from PIL import Image
+
     return Image.fromarray((values // 257).astype(np.uint8))
 
 
 def _all_colours(picture: Image.Image) -> Image.Image:
     """Return an image of one row with each of the 256 colours that a gray or palette image can have."""
+    from PIL import Image
+
     strip = Image.frombytes(picture.mode, (256, 1), bytes(range(256)))
     if picture.mode == "P":
         strip.putpalette(picture.getpalette("RGB") or [], "RGB")

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from actors.maps.grid_map import GridMap
 from actors.maps.layout import marker_region
+from common.extras import optional
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 _WALL = (74, 78, 84)
 _FREE = (238, 238, 234)
@@ -26,6 +30,9 @@ def draw(world: GridMap, width: int) -> Image.Image:
         world: the map.
         width: of the picture, pixels; its height follows.
     """
+    with optional("a picture", "actor"):
+        from PIL import Image
+
     image = np.empty((*world.free.shape, 3), dtype=np.uint8)
     image[:] = _WALL
     image[world.free] = _FREE
@@ -54,6 +61,9 @@ def contact_sheet(worlds: Sequence[GridMap], path: Path, columns: int = 5, width
     heights = [max(tile.height for tile in row) for row in rows]
     across = min(columns, len(tiles))
     size = (across * (width + _GAP) + _GAP, sum(heights) + _GAP * (len(rows) + 1))
+    with optional("a picture", "actor"):
+        from PIL import Image
+
     sheet = Image.new("RGB", size, (255, 255, 255))
     top = _GAP
     for row, height in zip(rows, heights, strict=True):
@@ -71,8 +81,9 @@ def distributions(sets: Mapping[str, Mapping[str, NDArray[np.float64]]], measure
         measures: what to show; those without a number in some set are left out.
         path: the PNG file; its folder must exist.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    with optional("a plot", "plots"):
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
 
     shown = [name for name in measures if all(np.isfinite(one[name]).any() for one in sets.values())]
     across = 4

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from actors.maps.grid_map import GridMap
 from actors.maps.layout import BLOCK
 from common.errors import MapError
+from common.extras import optional
 
 _OCCUPIED = (127, 127, 127)
 _FREE = (195, 195, 195)
@@ -30,7 +30,11 @@ def write_png(world: GridMap, path: Path) -> None:
 
     Raises:
         MapError: the file cannot be written.
+        MissingPackageError: Pillow is not installed.
     """
+    with optional("an image file", "actor"):
+        from PIL import Image
+
     rows, columns = world.free.shape
     image = np.zeros((rows, columns), dtype=np.uint8)
     image[world.free] = 1

@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any, Final, Literal, cast
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
@@ -28,6 +27,7 @@ from actors.maps.images import Pixels, read_pixels
 from actors.maps.placing import Position, place
 from actors.maps.turning import turn, turned_resolution
 from common.errors import MapError
+from common.extras import optional
 from common.text_files import decode_text
 
 Mode = Literal["trinary", "scale", "raw"]
@@ -223,6 +223,9 @@ def _read(path: Path) -> dict[Any, Any]:
         raise MapError(f"{path}: there is no such file: check the path") from None
     except OSError as error:
         raise MapError(f"{path}: cannot read it ({error.strerror}): check the file and its permissions") from error
+    with optional("the YAML file of a ROS map", "actor"):
+        import yaml
+
     try:
         text = decode_text(data)
     except ValueError as error:

@@ -11,6 +11,7 @@ from actors.simulators.grid import GridSimulator
 from common.config.schema import SimulatorConfig
 from common.errors import HDError, SimulatorError
 from common.extensions import SIMULATORS
+from common.extras import optional
 
 _log = logging.getLogger(__name__)
 
@@ -27,7 +28,8 @@ def make_simulator(config: SimulatorConfig, sensor_range: float, gui: bool = Fal
 
     Raises:
         ConfigError: there is no simulator of that name.
-        SimulatorError: it cannot be made: PyBullet is not installed, no display is there for ``gui``, the simulator has
+        MissingPackageError: PyBullet is not installed.
+        SimulatorError: it cannot be made: no display is there for ``gui``, the simulator has
             no window, or what was made is no simulator.
     """
     factory = SIMULATORS.load(config.name)
@@ -53,17 +55,11 @@ def make_grid(config: SimulatorConfig, sensor_range: float) -> Simulator:
 
 
 def make_pybullet(config: SimulatorConfig, sensor_range: float, gui: bool = False) -> Simulator:
-    """Make the simulator `pybullet` in the configured fidelity; SimulatorError when PyBullet is not installed."""
-    try:
+    """Make the simulator `pybullet` in the configured fidelity; MissingPackageError when PyBullet is not installed."""
+    with optional("the pybullet simulator", "pybullet", instead="use --sim grid"):
         from actors.simulators.dynamic import DynamicSimulator
         from actors.simulators.kinematic import KinematicSimulator
-    except ModuleNotFoundError as error:
-        if error.name != "pybullet":
-            raise
-        raise SimulatorError(
-            "the pybullet simulator needs PyBullet, which is not installed: pip install 'hdplanner[pybullet]' "
-            "(ready-made wheels exist up to CPython 3.11, newer Pythons build it from source), or use --sim grid"
-        ) from error
+
     if config.fidelity == "dynamic":
         return DynamicSimulator(config, sensor_range, gui=gui)
     return KinematicSimulator(config, sensor_range, gui=gui)

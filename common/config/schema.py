@@ -260,7 +260,7 @@ class AdamConfig(Section):
 
 
 class SacConfig(Section):
-    """Discrete soft actor-critic over pairs of beacon and waypoint (paper, section IV; DESIGN, section 6)."""
+    """Discrete soft actor-critic over pairs of beacon and waypoint (paper, section IV; docs/design.md)."""
 
     gamma: Fraction = 0.99
     """Discount factor."""
@@ -427,6 +427,17 @@ class JournalConfig(Section):
     `bus.ack_timeout`, after which actors send again."""
 
 
+class TrackingConfig(Section):
+    """Where the curves go besides TensorBoard."""
+
+    writers: tuple[Literal["mlflow", "wandb"], ...] = ()
+    """Trackers that get every curve too: `mlflow`, `wandb` (Weights & Biases); each is an extra of that name."""
+    project: str = "hdplanner"
+    """Experiment of MLflow, project of Weights & Biases."""
+    mlflow_uri: str | None = None
+    """MLflow's store, such as `http://server:5000`; by default the database `mlflow.db` in the folder of all runs."""
+
+
 class ActorConfig(Section):
     """Actors."""
 
@@ -515,6 +526,8 @@ class RunConfig(Section):
     """Checkpoints."""
     journal: JournalConfig = Field(default_factory=JournalConfig)
     """The journal."""
+    tracking: TrackingConfig = Field(default_factory=TrackingConfig)
+    """Trackers of experiments."""
     actor: ActorConfig = Field(default_factory=ActorConfig)
     """Actors."""
     bus: BusConfig = Field(default_factory=BusConfig)

@@ -1,4 +1,4 @@
-"""What kernels and graphs need to know of a grid of cells, whoever keeps it."""
+"""What kernels and graphs need to know about a grid of cells, whoever owns it."""
 
 from __future__ import annotations
 

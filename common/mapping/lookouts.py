@@ -1,4 +1,4 @@
-"""Lookouts: places near frontiers that no viewpoint at its usual place shows.
+"""Lookouts: places near frontiers that cannot be seen from any viewpoint at its usual place.
 
 One viewpoint stands for a whole piece, so what can be seen from elsewhere in the piece alone, such as from a doorway at
 its end, stays unseen. Once nothing else is left, the viewpoint of such a piece moves there; that of a robot with a
@@ -25,11 +25,13 @@ class Remains(NamedTuple):
 
     Attributes:
         frontiers: frontier cells, flat, int32: all of them, or those that nothing else will show.
+        weights: how many frontier cells each stands for, int32, see `common.mapping.thinning`.
         range: a place observes frontiers up to so far away, subcells.
         least: a place that observes fewer is no lookout.
     """
 
     frontiers: NDArray[np.int32]
+    weights: NDArray[np.int32]
     range: int
     least: int
 
@@ -45,10 +47,10 @@ def _observes_enough(cells: Cells, x: int, y: int, remains: Remains) -> bool:
     """Whether enough frontiers are in range and in sight of a place."""
     width = cells.width
     count = 0
-    for frontier in remains.frontiers:
-        to_x, to_y = _middle(frontier % width), _middle(frontier // width)
+    for k in range(len(remains.frontiers)):
+        to_x, to_y = _middle(remains.frontiers[k] % width), _middle(remains.frontiers[k] // width)
         if (to_x - x) ** 2 + (to_y - y) ** 2 <= remains.range * remains.range:
-            count += blocker(cells.belief, width, x, y, to_x, to_y) == CLEAR
+            count += remains.weights[k] * (blocker(cells.belief, width, x, y, to_x, to_y) == CLEAR)
             if count >= remains.least:
                 return True
     return False

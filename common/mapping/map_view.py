@@ -90,7 +90,8 @@ class MapView:
     @property
     def frontiers(self) -> NDArray[np.float64]:
         """Centres of all frontier cells, row-major, metres, shape (m, 2)."""
-        rows, columns = np.divmod(self._frontiers.flat, self.belief.padded.shape[1])
+        # The grid may have grown since the update.
+        rows, columns = np.divmod(self._frontiers.flat, self._frontiers.padded_mask.shape[1])
         return np.stack([columns - 0.5, rows - 0.5], axis=1) * self.belief.resolution + self._origin
 
     def sightings(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:

@@ -19,6 +19,7 @@ from common.mapping.planning_set import Frame, anything_left, plan
 from common.mapping.raycast import SUBCELLS
 from common.mapping.sight import NOTHING_LOST
 from common.mapping.target import Target
+from common.mapping.thinning import cells_a_block
 from common.mapping.utility import FrontierUtility
 from common.mapping.viewpoints import ViewpointGraph
 from common.observation import MAX_VIEWPOINTS, Observation
@@ -51,6 +52,9 @@ class Mapper(MapView):
             rises, so that differences tell what a step achieved.
     """
 
+    # Looks at each frontier, once the one that looks at one of a block finds nothing left.
+    _exact: FrontierUtility | None
+
     def __init__(
         self,
         config: MappingConfig,
@@ -77,6 +81,8 @@ class Mapper(MapView):
         self.belief = Belief(config.resolution, config.sensor_range, anchor=lattice_origin, bounds=bounds)
         self.frontiers_removed = 0
         self._config = config
+        # Without a radius, frontiers are holes in walls, too, and nobody should look past every corner.
+        self._thorough = config.robot_radius > 0.0
         self._lattice_origin = lattice_origin
         self._observable_reach = round(config.observable_range / config.resolution * SUBCELLS)
         self._beacon_reach = round(config.beacon_range / config.resolution * SUBCELLS)
@@ -110,19 +116,28 @@ class Mapper(MapView):
             frontiers = self._frontiers.update(belief.padded, changed, graph.layout, graph.dirty, graph.beside)
             self.frontiers_removed += len(frontiers.removed)
         robot = belief.subcells(pose.position)
-        # Without a radius, frontiers are holes in walls, too, and nobody should look past every corner.
-        thorough = self._config.robot_radius > 0.0
-        self._graph.update(changed, frontiers.lost, robot, stay=thorough)
+        self._graph.update(changed, frontiers.lost, robot, stay=self._thorough)
         self._update_utility(frontiers)
+        self._utility = self._thinned
         self._pose = pose
         if self._graph.robot < 0:
             self._forget_nodes()
             return
         self._order, self._numbers, self._edges = self._graph.reachable()
-        if thorough:
-            self._look_around(self._utility.overlooked(self._numbers), robot)
-        if not anything_left(self._order, self._graph.pieces, self._utility.counts, self._config.least_utility):
-            self._look_around(self._utility.frontiers, robot, everywhere=True)
+        left = self._anything_left(robot)
+        if left:
+            self._exact = None
+        elif self._thinned.side > 1:
+            # A viewpoint that shows none of the frontiers that stand for others may still show those.
+            if self._exact is None:
+                self._exact = self._new_utility(1)
+                everything = FrontierChanges(self._frontiers.flat.astype(np.int32), _NO_NODES, NOTHING_LOST)
+                self._exact.update(belief.padded.reshape(-1), everything)
+            self._utility = self._exact
+            left = self._anything_left(robot)
+        if not left:
+            every = self._frontiers.flat.astype(np.int32)
+            self._look_around(every, np.ones_like(every), robot, everywhere=True)
         self._plan()
 
     @property
@@ -137,7 +152,7 @@ class Mapper(MapView):
         self._target = None if position is None else Target(position, self._config)
 
     def _rebuild(self, previous: ViewpointGraph | None) -> None:
-        """Start anew on a belief that was allocated anew: all of it counts as changed."""
+        """Start over on a reallocated belief: all of it counts as changed."""
         config = self._config
         self._generation = self.belief.generation
         self._origin = np.array(self.belief.origin)
@@ -145,22 +160,42 @@ class Mapper(MapView):
         self._graph = ViewpointGraph(
             self.belief, self._lattice_origin, config.viewpoint_spacing, config.robot_radius, previous
         )
-        self._utility = FrontierUtility(self.belief, self._graph, config.observable_range, config.viewpoint_spacing)
+        self._utility = self._thinned = self._new_utility(cells_a_block(config.resolution))
+        self._exact = None
         self._frame = Frame(
             *self._lattice_origin, *self._graph.first, config.viewpoint_spacing, *self.belief.origin, config.resolution
         )
 
-    def _look_around(self, frontiers: NDArray[np.int32], robot: tuple[int, int], *, everywhere: bool = False) -> None:
+    def _new_utility(self, side: int) -> FrontierUtility:
+        return FrontierUtility(self.belief, self._frontiers, self._graph, self._config, side=side)
+
+    def _anything_left(self, robot: tuple[int, int]) -> bool:
+        """Return whether a viewpoint where the robot has not been observes enough; one beside a frontier may move."""
+        if self._thorough:
+            self._look_around(*self._utility.overlooked(self._numbers), robot)
+        left: bool = anything_left(self._order, self._graph.pieces, self._utility.counts, self._config.least_utility)
+        return left
+
+    def _look_around(
+        self,
+        frontiers: NDArray[np.int32],
+        weights: NDArray[np.int32],
+        robot: tuple[int, int],
+        *,
+        everywhere: bool = False,
+    ) -> None:
         """Move viewpoints to lookouts beside frontiers, see `ViewpointGraph.update`, and all others back."""
-        remains = Remains(frontiers, self._observable_reach, self._config.least_utility)
+        remains = Remains(frontiers, weights, self._observable_reach, self._config.least_utility)
         self._graph.update(None, NOTHING_LOST, robot, remains=remains, everywhere=everywhere)
         if len(self._graph.fresh) or len(self._graph.ended):
             self._update_utility(_NO_CHANGES)
             self._order, self._numbers, self._edges = self._graph.reachable()
 
     def _update_utility(self, frontiers: FrontierChanges) -> None:
-        padded = self.belief.padded
-        self._utility.update(padded.reshape(-1), padded.shape[1], frontiers)
+        cells = self.belief.padded.reshape(-1)
+        self._thinned.update(cells, frontiers)
+        if self._exact is not None:
+            self._exact.update(cells, frontiers)
 
     def _plan(self) -> None:
         """Number the nodes, collect the planning set and choose the beacons."""

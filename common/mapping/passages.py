@@ -1,4 +1,4 @@
-"""Passages: where a robot could drive from what is known into the unknown, as far as the known walls let it.
+"""Passages: where a robot could drive from known into unknown space, given the known walls.
 
 Lidar leaves single cells of walls unknown between two beams, and slivers behind posts and furniture. A robot with a
 radius cannot go there, and what lies behind is seen through other openings or never matters.

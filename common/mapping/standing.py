@@ -1,4 +1,4 @@
-"""Where a robot stands: the clear cell and the piece that count as its own, even from beside clear space."""
+"""Where a robot stands: the clear cell and the piece that count as its own, even just outside clear space."""
 
 from __future__ import annotations
 

@@ -1,162 +1,20 @@
-"""Utility: how many frontiers each viewpoint observes, without ever testing the same pair twice in vain.
-
-Every pair of a frontier and a viewpoint in range is in one of two states: in sight, or blocked by a cell that is
-remembered. A blocked pair stays blocked as long as that cell is not free, and a pair in sight stays in sight as long
-as no cell was lost, so an update tests a line of sight only when its answer can have changed.
-"""
+"""Utility: how many frontiers each viewpoint observes, brought up to date where that can have changed."""
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from common.config.schema import MappingConfig
 from common.jit import njit
 from common.mapping.belief import Belief
-from common.mapping.frontiers import FrontierChanges
-from common.mapping.raycast import SUBCELL_BITS, SUBCELLS, cell_middle
-from common.mapping.sight import CLEAR, FREE, Box, blocker, may_touch
-from common.mapping.squares import Layout
+from common.mapping.frontiers import FrontierChanges, Frontiers
+from common.mapping.raycast import SUBCELLS
+from common.mapping.sight_pairs import IN_SIGHT, Pairs, copy_pairs, room_for, update_sight
+from common.mapping.thinning import Blocks, block_at, blocks_of
 from common.mapping.viewpoints import ViewpointGraph
-
-IN_SIGHT: Final = CLEAR
-
-
-@njit(cache=True, nogil=True)
-def _update_pairs(
-    cells: NDArray[np.int8],
-    width: int,
-    pieces: Any,
-    first_of: NDArray[np.int32],
-    layout: Layout,
-    counts: NDArray[np.int32],
-    reach: int,
-    slots: NDArray[np.int32],
-    slot_cell: NDArray[np.int32],
-    pair_count: NDArray[np.int32],
-    pair_piece: NDArray[np.int32],
-    pair_state: NDArray[np.int32],
-    used: int,
-    added: NDArray[np.int32],
-    removed: NDArray[np.int32],
-    fresh: NDArray[np.int32],
-    ended: NDArray[np.int32],
-    changed: Box,
-    lost: Box,
-) -> int:
-    """Bring the counts of observable frontiers up to date.
-
-    Frontiers live in slots 0 .. used - 1; the pairs of slot s are the first ``pair_count[s]`` of its row.
-
-    Args:
-        cells: padded grid, flat, int8.
-        width: its cells per row.
-        pieces: all pieces, see `common.mapping.pieces`.
-        first_of: first piece of each square.
-        layout: of the squares.
-        counts: frontiers in range and in sight of each piece's viewpoint, int32; brought up to date.
-        reach: observable range, subcells.
-        slots: slot of each cell or -1, int32, flat.
-        slot_cell: flat cell of each slot, int32.
-        pair_count: pairs of each slot, int32.
-        pair_piece: their pieces, int32, shape (capacity, most).
-        pair_state: IN_SIGHT or the blocking cell, int32, same shape.
-        used: slots in use.
-        added: flat cells of new frontiers, int32.
-        removed: flat cells that are frontiers no more, int32.
-        fresh: pieces whose viewpoint is new, int32.
-        ended: pieces whose viewpoint is no more, int32.
-        changed: box of all cells that changed, and of all viewpoints that came or went.
-        lost: box of the cells that are free no more; its second number is -1 when there are none.
-
-    Returns:
-        Slots in use now.
-    """
-    any_lost = lost[1] >= 0
-    for i in range(len(removed)):
-        slot = slots[removed[i]]
-        slots[removed[i]] = -1
-        for k in range(pair_count[slot]):
-            if pair_state[slot, k] == IN_SIGHT:
-                counts[pair_piece[slot, k]] -= 1
-        used -= 1
-        if slot != used:
-            count = pair_count[used]
-            pair_count[slot] = count
-            pair_piece[slot, :count] = pair_piece[used, :count]
-            pair_state[slot, :count] = pair_state[used, :count]
-            slot_cell[slot] = slot_cell[used]
-            slots[slot_cell[slot]] = slot
-
-    counts[fresh] = 0
-    is_ended = np.zeros(len(pieces), dtype=np.bool_)
-    is_ended[ended] = True
-    reach_cells = (reach >> SUBCELL_BITS) + 2
-    for slot in range(used):
-        row, column = slot_cell[slot] // width, slot_cell[slot] % width
-        if (
-            row < changed[0] - reach_cells
-            or row > changed[1] + reach_cells
-            or column < changed[2] - reach_cells
-            or column > changed[3] + reach_cells
-        ):
-            continue
-        x, y = cell_middle(slot_cell[slot], width)
-        count = pair_count[slot]
-        k = 0
-        while k < count:
-            piece, state = pair_piece[slot, k], pair_state[slot, k]
-            if is_ended[piece]:
-                count -= 1
-                pair_piece[slot, k] = pair_piece[slot, count]
-                pair_state[slot, k] = pair_state[slot, count]
-                continue
-            if state == IN_SIGHT:
-                test = any_lost and may_touch(x, y, pieces[piece].x, pieces[piece].y, lost)
-            else:
-                test = cells[state] == FREE
-            if test:
-                found = blocker(cells, width, x, y, pieces[piece].x, pieces[piece].y)
-                counts[piece] += (found == CLEAR) - (state == IN_SIGHT)
-                pair_state[slot, k] = found
-            k += 1
-        for f in range(len(fresh)):
-            to_x, to_y = pieces[fresh[f]].x, pieces[fresh[f]].y
-            if (to_x - x) ** 2 + (to_y - y) ** 2 <= reach * reach:
-                found = blocker(cells, width, x, y, to_x, to_y)
-                counts[fresh[f]] += found == CLEAR
-                pair_piece[slot, count], pair_state[slot, count] = fresh[f], found
-                count += 1
-        pair_count[slot] = count
-
-    columns = len(layout.x)
-    for n in range(len(added)):
-        slot = used
-        used += 1
-        slots[added[n]] = slot
-        slot_cell[slot] = added[n]
-        x, y = cell_middle(added[n], width)
-        count = 0
-        cell_low, cell_high = (
-            max((y - reach) >> SUBCELL_BITS, 0),
-            min((y + reach) >> SUBCELL_BITS, len(cells) // width - 1),
-        )
-        left, right = max((x - reach) >> SUBCELL_BITS, 0), min((x + reach) >> SUBCELL_BITS, width - 1)
-        for j in range(layout.row_of[cell_low], layout.row_of[cell_high] + 1):
-            for i in range(layout.column_of[left], layout.column_of[right] + 1):
-                piece = first_of[j * columns + i]
-                while piece >= 0:
-                    if pieces[piece].exists:
-                        to_x, to_y = pieces[piece].x, pieces[piece].y
-                        if (to_x - x) ** 2 + (to_y - y) ** 2 <= reach * reach:
-                            found = blocker(cells, width, x, y, to_x, to_y)
-                            counts[piece] += found == CLEAR
-                            pair_piece[slot, count], pair_state[slot, count] = piece, found
-                            count += 1
-                    piece = pieces[piece].next
-        pair_count[slot] = count
-    return used
 
 
 @njit(cache=True, nogil=True)
@@ -186,56 +44,62 @@ def _sightings(
     numbers: NDArray[np.int32],
     nodes: int,
     counts: NDArray[np.int32],
+    width: int,
+    blocks: Blocks,
     slots: NDArray[np.int32],
-    pair_count: NDArray[np.int32],
-    pair_piece: NDArray[np.int32],
-    pair_state: NDArray[np.int32],
+    pairs: Pairs,
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """List the pairs in sight by node; see `FrontierUtility.sightings`."""
-    pointer = np.zeros(nodes + 1, dtype=np.int64)
+    # The counts tell how much room the rows take at most: they count frontiers that others stand for, too.
+    begin = np.zeros(nodes + 1, dtype=np.int64)
     for piece in range(len(numbers)):
         if numbers[piece] >= 0:
-            pointer[numbers[piece] + 1] = counts[piece]
+            begin[numbers[piece] + 1] = counts[piece]
     for node in range(nodes):
-        pointer[node + 1] += pointer[node]
-    place = pointer[:nodes].copy()
-    seen = np.empty(pointer[nodes], dtype=np.int32)
+        begin[node + 1] += begin[node]
+    end = begin[:nodes].copy()
+    seen = np.empty(begin[nodes], dtype=np.int32)
     for f in range(len(frontiers)):
-        slot = slots[frontiers[f]]
-        for k in range(pair_count[slot]):
-            node = numbers[pair_piece[slot, k]]
-            if node >= 0 and pair_state[slot, k] == IN_SIGHT:
-                seen[place[node]] = f
-                place[node] += 1
-    return pointer, seen
+        slot = slots[block_at(blocks, frontiers[f], width)]
+        if pairs.cell[slot] != frontiers[f]:
+            continue
+        for k in range(pairs.filled[slot]):
+            if pairs.state[slot, k] == IN_SIGHT:
+                node = numbers[pairs.piece[slot, k]]
+                if node >= 0:
+                    seen[end[node]] = f
+                    end[node] += 1
+    size = 0
+    for node in range(nodes):
+        first = begin[node]
+        begin[node] = size
+        for k in range(first, end[node]):
+            seen[size] = seen[k]
+            size += 1
+    begin[nodes] = size
+    return begin, seen[:size]
 
 
 @njit(cache=True, nogil=True)
 def _overlooked(
-    numbers: NDArray[np.int32],
-    pieces: Any,
-    slot_cell: NDArray[np.int32],
-    pair_count: NDArray[np.int32],
-    pair_piece: NDArray[np.int32],
-    pair_state: NDArray[np.int32],
-    used: int,
-) -> NDArray[np.int32]:
+    numbers: NDArray[np.int32], pieces: Any, pairs: Pairs, used: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return the frontiers that no viewpoint shows; see `FrontierUtility.overlooked`."""
     shows = np.zeros(len(pieces), dtype=np.bool_)
     for piece in range(len(pieces)):
         shows[piece] = numbers[piece] >= 0 and not pieces[piece].visited
-    found = np.empty(used, dtype=np.int32)
+    found, weight = np.empty(used, dtype=np.int32), np.empty(used, dtype=np.int32)
     size = 0
     for slot in range(used):
         shown = False
-        for k in range(pair_count[slot]):
-            if pair_state[slot, k] == IN_SIGHT and shows[pair_piece[slot, k]]:
+        for k in range(pairs.filled[slot]):
+            if pairs.state[slot, k] == IN_SIGHT and shows[pairs.piece[slot, k]]:
                 shown = True
                 break
         if not shown:
-            found[size] = slot_cell[slot]
+            found[size], weight[size] = pairs.cell[slot], pairs.weight[slot]
             size += 1
-    return found[:size]
+    return found[:size], weight[:size]
 
 
 class FrontierUtility:
@@ -243,45 +107,57 @@ class FrontierUtility:
 
     Attributes:
         counts: frontiers in range and in line of sight of each piece's viewpoint, int32; void where it has none.
+        side: of the blocks of which one frontier cell stands for all, cells.
     """
 
-    def __init__(self, belief: Belief, graph: ViewpointGraph, observable_range: float, spacing: float) -> None:
-        self._graph = graph
-        self._reach = round(observable_range / belief.resolution * SUBCELLS)
-        # Squares that can hold viewpoints in range of one cell, in a row.
-        self._side = int(2 * observable_range / spacing) + 3
-        self.counts = np.zeros(graph.used, dtype=np.int32)
-        self._slots = np.full(belief.padded.size, -1, dtype=np.int32)
-        self._used = 0
-        self._slot_cell = np.empty(0, dtype=np.int32)
-        self._pair_count = np.empty(0, dtype=np.int32)
-        self._pair_piece, self._pair_state = np.empty((2, 0, 64), dtype=np.int32)
+    def __init__(
+        self, belief: Belief, frontiers: Frontiers, graph: ViewpointGraph, config: MappingConfig, *, side: int
+    ) -> None:
+        """Know of no frontier yet.
 
-    def update(self, cells: NDArray[np.int8], width: int, frontiers: FrontierChanges) -> None:
+        Args:
+            belief: its grid as it is allocated now.
+            frontiers: of the same generation.
+            graph: likewise.
+            config: ranges and spacing.
+            side: of the blocks, cells; 1 looks at each frontier cell.
+        """
+        self._graph = graph
+        self._mask = frontiers.padded_mask.reshape(-1)
+        self._width = belief.padded.shape[1]
+        self.side = side
+        self._blocks = blocks_of(belief, side)
+        self._reach = round(config.observable_range / belief.resolution * SUBCELLS)
+        # Squares that can hold viewpoints in range of one cell, in a row.
+        self._squares = int(2 * config.observable_range / config.viewpoint_spacing) + 3
+        self.counts = np.zeros(graph.used, dtype=np.int32)
+        self._slots = np.full(self._blocks.rows * self._blocks.columns, -1, dtype=np.int32)
+        self._used = 0
+        self._pairs = room_for(0, 64)
+
+    def update(self, cells: NDArray[np.int8], frontiers: FrontierChanges) -> None:
         """Bring the counts up to date; the graph must be so already.
 
         Args:
             cells: padded grid, flat, int8.
-            width: its cells per row.
             frontiers: what became of the frontiers since the last update.
         """
         graph = self._graph
-        if graph.changed[1] < 0:
+        if graph.changed[1] < 0 and not len(frontiers.added):
             return
-        self._reserve(self._used + len(frontiers.added) - len(frontiers.removed))
-        self._used = _update_pairs(
+        self._reserve(self._used + len(frontiers.added) + len(frontiers.removed))
+        self._used = update_sight(
             cells,
-            width,
+            self._mask,
+            self._width,
+            self._blocks,
             graph.pieces,
             graph.first_of,
             graph.layout,
             self.counts,
             self._reach,
             self._slots,
-            self._slot_cell,
-            self._pair_count,
-            self._pair_piece,
-            self._pair_state,
+            self._pairs,
             self._used,
             frontiers.added,
             frontiers.removed,
@@ -296,6 +172,8 @@ class FrontierUtility:
     ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
         """Return which frontiers each node observes, from what the last update knows; nothing is looked at again.
 
+        Of the frontiers of a block only the one that stands for them is listed.
+
         Args:
             frontiers: flat cells of the padded grid, all of them frontiers, int64, shape (m,).
             numbers: node number of each piece, -1 without one, int32.
@@ -306,47 +184,34 @@ class FrontierUtility:
             ascending for each node, int32.
         """
         pointer, seen = _sightings(
-            frontiers, numbers, nodes, self.counts, self._slots, self._pair_count, self._pair_piece, self._pair_state
+            frontiers, numbers, nodes, self.counts, self._width, self._blocks, self._slots, self._pairs
         )
         return pointer, seen
 
-    def overlooked(self, numbers: NDArray[np.int32]) -> NDArray[np.int32]:
-        """Return the frontiers that no node observes where the robot has not been, flat, int32, in no order.
+    def overlooked(self, numbers: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Return the frontiers that no node observes where the robot has not been, in no order.
 
         Args:
             numbers: node number of each piece, -1 without one, int32.
-        """
-        found: NDArray[np.int32] = _overlooked(
-            numbers, self._graph.pieces, self._slot_cell, self._pair_count, self._pair_piece, self._pair_state,
-            self._used,
-        )  # fmt: skip
-        return found
 
-    @property
-    def frontiers(self) -> NDArray[np.int32]:
-        """All frontiers of the last update, flat cells of the padded grid, int32, in no order."""
-        return self._slot_cell[: self._used]
+        Returns:
+            Flat cells, and how many frontier cells each stands for, both int32.
+        """
+        found, weights = _overlooked(numbers, self._graph.pieces, self._pairs, self._used)
+        return found, weights
 
     def _reserve(self, slots: int) -> None:
-        graph = self._graph
+        """Make room for so many slots, and for the viewpoints in range of one."""
+        graph, pairs = self._graph, self._pairs
         if graph.used > len(self.counts):
-            self.counts = _lengthened(self.counts, graph.used)
-        if slots > len(self._slot_cell):
+            self.counts = np.concatenate([self.counts, np.zeros(graph.used - len(self.counts), dtype=np.int32)])
+        capacity, width = pairs.piece.shape
+        if slots > capacity:
             capacity = max(256, 2 * slots)
-            self._slot_cell = _lengthened(self._slot_cell, capacity)
-            self._pair_count = _lengthened(self._pair_count, capacity)
-            self._pair_piece = _lengthened(self._pair_piece, capacity)
-            self._pair_state = _lengthened(self._pair_state, capacity)
-        width = self._pair_piece.shape[1]
-        if graph.used > width and len(graph.fresh):
-            most = int(_most_pairs(graph.pieces, graph.first_of, *graph.dirty.shape, self._side))
+        if graph.used > width and (len(graph.fresh) or not self._used):
+            most = int(_most_pairs(graph.pieces, graph.first_of, *graph.dirty.shape, self._squares))
             if most > width:
-                wider = np.empty((2, len(self._pair_piece), most + most // 2), dtype=np.int32)
-                wider[0, :, :width], wider[1, :, :width] = self._pair_piece, self._pair_state
-                self._pair_piece, self._pair_state = wider[0], wider[1]
-
-
-def _lengthened(old: NDArray[np.int32], length: int) -> NDArray[np.int32]:
-    new = np.zeros((length, *old.shape[1:]), dtype=np.int32)
-    new[: len(old)] = old
-    return new
+                width = most + most // 2
+        if (capacity, width) != pairs.piece.shape:
+            self._pairs = room_for(capacity, width)
+            copy_pairs(pairs, self._pairs, self._used)

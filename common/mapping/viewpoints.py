@@ -32,7 +32,7 @@ PLACE_MARGIN: Final = 0.5
 # So near to a place where the robot has been, another look shows nothing new, metres.
 BEEN_REACH: Final = 0.3
 _NO_PIECES: Final = np.zeros(0, dtype=np.int32)
-_NOTHING_REMAINS: Final = Remains(_NO_PIECES, 0, 1)
+_NOTHING_REMAINS: Final = Remains(_NO_PIECES, _NO_PIECES, 0, 1)
 
 
 class ViewpointGraph:

@@ -1,4 +1,4 @@
-"""Ways through clear space: from one viewpoint to a neighbour that is not in sight, inside their two pieces."""
+"""Paths through clear space from one viewpoint to a neighbour that is not in sight, inside their two pieces."""
 
 from __future__ import annotations
 

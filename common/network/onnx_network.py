@@ -1,4 +1,4 @@
-"""The policy network by ONNX Runtime: the third of three equal networks (torch, numpy, ONNX)."""
+"""The policy network in ONNX Runtime: the third of three equivalent implementations (torch, numpy, ONNX)."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import CheckpointError
+from common.extras import optional
 from common.network.graph_arrays import GraphArrays
 from common.observation_index import EXTRA_SLOTS
 
@@ -22,18 +23,15 @@ class OnnxNetwork:
         threads: that a decision may use.
 
     Raises:
-        CheckpointError: onnxruntime is not installed, cannot run this model, or the model is of an earlier
-            release and takes graphs of a fixed number of neighbours.
+        CheckpointError: onnxruntime cannot run this model, or the model is of an earlier release and takes graphs of
+            a fixed number of neighbours.
+        MissingPackageError: onnxruntime is not installed.
     """
 
     def __init__(self, model: bytes, threads: int = 1) -> None:
-        try:
+        with optional("a policy in an .onnx file", "onnx", instead="use the policy's .safetensors file"):
             import onnxruntime
-        except ImportError as error:
-            raise CheckpointError(
-                "a policy in an .onnx file needs the package onnxruntime: pip install 'hdplanner[onnx]', or use the "
-                ".safetensors file of the policy"
-            ) from error
+
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = threads
         options.inter_op_num_threads = 1

@@ -1,4 +1,4 @@
-"""Names and shapes of a policy's weights: the form in which they travel, independent of torch."""
+"""Names and shapes of a policy's weights as they are stored and sent, independent of torch."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def check_parameters(arrays: Arrays, shapes: Shapes) -> None:
     """
     for name, shape in shapes.items():
         if name not in arrays:
-            raise WeightsError(f"weight {name} of shape {shape} is missing: were these made for another network?")
+            raise WeightsError(f"weight {name} of shape {shape} is missing: were these made for a different network?")
         came = arrays[name]
         if came.shape != shape:
             raise WeightsError(

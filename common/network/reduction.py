@@ -1,4 +1,4 @@
-"""Graph reduction: the network reads only the nodes that a decision turns on (RECIPES, "Speed reached").
+"""Graph reduction: the network reads only the nodes that matter to a decision (docs/design.md, "The network").
 
 Kept are the robot's surroundings, all useful viewpoints, all beacons, a target with its links, and every shortest path
 from the robot to a beacon. Where these are many, *tokens* may stand for them: useful viewpoints only within the range

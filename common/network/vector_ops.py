@@ -1,4 +1,4 @@
-"""Vector instructions for the attention kernels, which numba's loops do not reach by themselves.
+"""Vector instructions for the attention kernels, which numba does not generate by itself.
 
 The loops over a head are short and of constant length. LLVM unrolls them into scalar code before it looks for vectors,
 so `dot` and `add_scaled` are written as vectors: of the length of a head, whatever the processor's own vectors are.

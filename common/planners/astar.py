@@ -1,4 +1,4 @@
-"""A*, planned anew at each decision: what D* Lite saves itself, and the yardstick of its answers."""
+"""A*, replanned at each decision: the work that D* Lite saves, and a check of its answers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from common.planners.navigation import GraphNavigator
 
 
 class AStarPlanner(GraphNavigator):
-    """Follow a shortest path over the viewpoint graph, unknown space taken as free, searched anew at each decision.
+    """Follow a shortest path over the viewpoint graph, unknown space taken as free, replanned at each decision.
 
     P. E. Hart, N. J. Nilsson, B. Raphael: "A Formal Basis for the Heuristic Determination of Minimum Cost Paths", IEEE
     Transactions on Systems Science and Cybernetics, 1968.

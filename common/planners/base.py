@@ -1,4 +1,4 @@
-"""The contract of a planner. A planner sees what the robot knows and nothing else."""
+"""The interface of a planner, which sees what the robot knows and nothing else."""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from common.config.schema import MappingConfig
 from common.errors import ConfigError
+from common.extras import optional
 from common.mapping.raycast import SUBCELLS
 from common.mapping.sight import CLEAR, FREE, Box, blocker
 from common.planners.base import Position
@@ -21,7 +22,7 @@ ITERATIONS_PER_SAMPLE: Final = 50
 
 
 class BitStarPlanner(FreeSpacePlanner):
-    """Plan a path by batch informed trees through free and unknown space, anew at each decision.
+    """Plan a path by batch informed trees through free and unknown space, from scratch at each decision.
 
     J. D. Gammell, S. S. Srinivasa, T. D. Barfoot: "Batch Informed Trees (BIT*): Sampling-based Optimal Planning via the
     Heuristically Guided Search of Implicit Random Geometric Graphs", IEEE International Conference on Robotics and
@@ -75,7 +76,7 @@ class BitStarPlanner(FreeSpacePlanner):
         self._random = np.random.default_rng(seed)
 
     def take_in(self, changed: Box | None) -> None:
-        """Do nothing: each search begins anew, with the grid as it is."""
+        """Do nothing: each search starts from scratch, with the grid as it is."""
         del changed
 
     def route(self, start: Position, goal: Position) -> list[Position] | None:
@@ -150,12 +151,8 @@ def load_ompl() -> tuple[ModuleType, ModuleType, ModuleType]:
     Returns:
         The modules ``base``, ``geometric`` and ``util``.
     """
-    try:
+    with optional("this planner", "planners", instead="use a planner without it (dstar_lite, astar, far)"):
         from ompl import base, geometric, util
-    except ModuleNotFoundError as error:
-        raise ConfigError(
-            "this planner needs OMPL, which is not installed: pip install 'hdplanner[planners]', or use a planner "
-            "without it (dstar_lite, astar, far)"
-        ) from error
+
     util.setLogLevel(util.LogLevel.LOG_NONE)
     return base, geometric, util

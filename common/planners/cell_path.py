@@ -1,4 +1,4 @@
-"""Ways from cell to cell through space where the robot may fit: whether there is one, and a short one."""
+"""Paths from cell to cell through space where the robot may fit: whether there is one, and a short one."""
 
 from __future__ import annotations
 

@@ -9,39 +9,56 @@ from common.jit import njit
 from common.mapping.belief import Belief
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _root(parent: NDArray[np.int64], f: int) -> int:
+    """Return the first cell of a cluster as it is joined so far, and shorten the way to it."""
+    while parent[f] != f:
+        parent[f] = parent[parent[f]]
+        f = parent[f]
+    return f
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _join(parent: NDArray[np.int64], a: int, b: int) -> None:
+    first, second = _root(parent, a), _root(parent, b)
+    parent[max(first, second)] = min(first, second)
+
+
 @njit(cache=True, nogil=True)
-def _label(cells: NDArray[np.int64], numbers: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Flood each cluster over eight neighbours; `numbers` is a grid of -1 with one cell of margin on each side."""
-    count = len(cells)
-    labels = np.full(count, -1, dtype=np.int64)
-    stack = np.empty(count, dtype=np.int64)
+def _label(rows: NDArray[np.int64], columns: NDArray[np.int64], order: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Join each cell with those before it in the row-major order that it touches, then number the clusters."""
+    count = len(order)
+    parent = np.arange(count)
+    # The first cell that may touch one of the row above it; it only goes on.
+    below = 0
     for f in range(count):
-        numbers[cells[f, 1] + 1, cells[f, 0] + 1] = f
+        row, column = rows[order[f]], columns[order[f]]
+        if f and rows[order[f - 1]] == row and columns[order[f - 1]] >= column - 1:
+            _join(parent, f - 1, f)
+        while rows[order[below]] < row - 1 or (rows[order[below]] == row - 1 and columns[order[below]] < column - 1):
+            below += 1
+        k = below
+        while rows[order[k]] == row - 1 and columns[order[k]] <= column + 1:
+            _join(parent, k, f)
+            k += 1
+    place = np.empty(count, dtype=np.int64)
+    place[order] = np.arange(count)
+    labels = np.empty(count, dtype=np.int64)
+    number = np.full(count, -1, dtype=np.int64)
     clusters = 0
-    for f in range(count):
-        if labels[f] >= 0:
-            continue
-        labels[f] = clusters
-        stack[0] = f
-        size = 1
-        while size:
-            size -= 1
-            column, row = cells[stack[size]]
-            for j in range(row, row + 3):
-                for i in range(column, column + 3):
-                    there = numbers[j, i]
-                    if there >= 0 and labels[there] < 0:
-                        labels[there] = clusters
-                        stack[size] = there
-                        size += 1
-        clusters += 1
+    for cell in range(count):
+        root = _root(parent, place[cell])
+        if number[root] < 0:
+            number[root] = clusters
+            clusters += 1
+        labels[cell] = number[root]
     return labels
 
 
 def cluster_labels(belief: Belief, frontiers: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the number of the cluster of each frontier cell, counted from 0 on.
 
-    Cells of a cluster are connected through their eight neighbours.
+    Cells of a cluster are connected through their eight neighbours; clusters are numbered by their first cells.
 
     Args:
         belief: whose frontiers these are.
@@ -51,5 +68,8 @@ def cluster_labels(belief: Belief, frontiers: NDArray[np.float64]) -> NDArray[np
         int64, shape (m,).
     """
     cells = np.floor((frontiers - np.array(belief.origin)) / belief.resolution).astype(np.int64)
-    rows, columns = belief.shape
-    return _label(cells, np.full((rows + 2, columns + 2), -1, dtype=np.int32))
+    columns, rows = cells.T
+    # Those of a mapper are in this order already, which a stable sort finds out fast.
+    order = np.argsort(rows * belief.shape[1] + columns, kind="stable")
+    labels: NDArray[np.int64] = _label(rows, columns, order)
+    return labels

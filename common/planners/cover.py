@@ -1,4 +1,4 @@
-"""Choosing viewpoints that together observe all frontiers: greedy set cover, with and without chance."""
+"""Choosing viewpoints that together observe all frontiers: greedy set cover, randomised or not."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ _Rows = tuple[NDArray[np.int64], NDArray[np.int32]]
 
 
 class CoveringTourPlanner(ViewpointPlanner):
-    """Cover all frontiers by viewpoints, take the shortest tour through these, and plan it anew at each viewpoint.
+    """Cover all frontiers by viewpoints, take the shortest tour through these, and replan it at each viewpoint.
 
     It is no published planner: it is what the privileged expert of this project's training does on the true map, done
     on the belief. Covering tours over frontiers are at the root of TARE (Cao et al. 2021) and of FUEL (B. Zhou, Y.
@@ -137,7 +137,7 @@ class CoveringTourPlanner(ViewpointPlanner):
         large = sizes >= self._min_frontier
         extra = sizes >= self._min_remainder
         every = np.ones(len(frontiers), dtype=np.bool_)
-        worth = self._rewarding(mapper, near, large, allowed)
+        worth = self._rewarding(mapper, near, frontiers, large, allowed)
         for rows, viewpoints, wanted in (
             (near, worth, large),
             (near, allowed, large),
@@ -153,7 +153,12 @@ class CoveringTourPlanner(ViewpointPlanner):
         return []
 
     def _rewarding(
-        self, mapper: Mapper, rows: _Rows, wanted: NDArray[np.bool_], allowed: NDArray[np.bool_]
+        self,
+        mapper: Mapper,
+        rows: _Rows,
+        frontiers: NDArray[np.float64],
+        wanted: NDArray[np.bool_],
+        allowed: NDArray[np.bool_],
     ) -> NDArray[np.bool_]:
         """Return which of the allowed viewpoints see wanted cells and could show enough behind them.
 
@@ -162,7 +167,7 @@ class CoveringTourPlanner(ViewpointPlanner):
         nodes = np.flatnonzero(allowed & _see_any(rows, wanted))
         positions = mapper.viewpoints[nodes]
         keys = _keys(positions).tolist()
-        views = _digests(*rows, nodes, _keys(mapper.frontiers)).tolist()
+        views = _digests(*rows, nodes, _keys(frontiers)).tolist()
         known = self._gains
         new = [k for k, (key, view) in enumerate(zip(keys, views, strict=True)) if known.get(key, _NEVER)[0] != view]
         measured = unknown_in_sight(mapper, positions[new], self.config.sensor_range, RAYS)

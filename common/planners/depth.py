@@ -34,15 +34,16 @@ class Depth:
 
     Args:
         config: the mapping of the episode.
+        known_scale: whether cells and spacing are those of the policy's training; otherwise it is never in its depth.
     """
 
-    def __init__(self, config: MappingConfig) -> None:
+    def __init__(self, config: MappingConfig, *, known_scale: bool = True) -> None:
         self._square = config.viewpoint_spacing**2
         self._disc = math.pi * config.sensor_range**2
         self._resolution = config.resolution
         self._decisions = 0
         self._open = False
-        self._within: bool | None = None
+        self._within: bool | None = None if known_scale else False
 
     def within(self, mapper: Mapper, cycles: int) -> bool:
         """Whether the policy shall decide; to be asked once for each decision. False until the world can be judged.

@@ -1,4 +1,4 @@
-"""Dual-stage viewpoint planning: explore around the robot while something is left there, relocate when nothing is."""
+"""Dual-stage viewpoint planning: explore around the robot while something is left there, else relocate."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from common.planners.visibility import observed
 
 
 class GreedyPlanner(ViewpointPlanner):
-    """Go to the viewpoint with the largest utility x exp(-path length / scale), decided anew at each viewpoint.
+    """Go to the viewpoint with the largest utility x exp(-path length / scale), decided again at each viewpoint.
 
     H. H. Gonzalez-Banos, J.-C. Latombe: "Navigation Strategies for Exploring Indoor Environments", International
     Journal of Robotics Research, 2002, section 5: a candidate is worth A(q) exp(-lambda L(q)).

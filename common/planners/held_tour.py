@@ -1,4 +1,4 @@
-"""A tour that is kept while nothing new is seen, so that planning anew at each viewpoint comes to an end."""
+"""A tour that is kept while nothing new is seen, so that replanning at each viewpoint comes to an end."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from common.planners.visited_places import PlacesSinceGain
 
 
 class HeldTour:
-    """Ends cycles of a planner that solves its tour anew at each viewpoint.
+    """Ends cycles of a planner that solves its tour again at each viewpoint.
 
     Such a tour need not be the shortest one: from one viewpoint it may begin with another one's surroundings, and from
     there with the first one's, for ever. A robot that comes back to a viewpoint and has seen nothing new since it

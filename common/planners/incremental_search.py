@@ -1,4 +1,4 @@
-"""D* Lite: a shortest path that is repaired, not searched anew, when edges change or the robot moves."""
+"""D* Lite: a shortest path that is repaired instead of searched again when edges change or the robot moves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The learned policy as a planner, beside the classical ones."""
+"""The learned policy as a planner."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from common.planners.depth import Depth
 from common.planners.greedy import GreedyPlanner
 from common.planners.reference import ReferenceRoute
 from common.planners.registry import make_planner
-from common.planners.suited_mapping import warn_of_other_mapping
+from common.planners.suited_mapping import of_known_scale, warn_of_other_mapping
 from common.planners.viewpoint_planner import (
     ON_VIEWPOINT,
     ScannedViewpoints,
@@ -64,9 +64,9 @@ class LearnedPlanner:
     planner prefers, in navigation the one of the shortest optimistic way to the target. Every such detour leads to news
     or is done with its goal, so there is an end.
 
-    A guard stands before the shipped policies, which were trained on block maps: in worlds of another kind (see
-    `Depth`) a classical planner decides, `tour` in exploration and D* Lite in navigation. Policies of one's own have no
-    guard.
+    A guard stands before the shipped policies, which were trained on block maps: in worlds of another kind, and with
+    cells or viewpoints of another scale (see `Depth`), a classical planner decides, `tour` in exploration and D* Lite
+    in navigation. Policies of one's own have no guard.
 
     Rule and guard are no part of the paper, so their decisions are counted, and `hdplanner-bare` is the network without
     either.
@@ -155,7 +155,8 @@ class LearnedPlanner:
             reference.reset(task, target)
             self._reference = reference
         elif self._shipped and self._end_cycles:
-            self._depth = Depth(self._config)
+            assert self.card is not None
+            self._depth = Depth(self._config, known_scale=of_known_scale(self.card, self._config))
             kind = find_task(task)
             self._classical = make_planner(kind.reference, self.mapping_for(task))
             self._classical.reset(kind.asked_of(kind.reference, self._classical.tasks), target, 0)
@@ -254,7 +255,14 @@ class LearnedPlanner:
     def _read_shipped(self, task: TaskName) -> tuple[Policy, PolicyCard]:
         if task not in self._read:
             self._read[task] = read_policy(shipped_policy(task))
-            warn_of_other_mapping(self._read[task][1], self._config)
+            card = self._read[task][1]
+            if self._end_cycles and not of_known_scale(card, self._config):
+                log.info(
+                    "cells or viewpoints are of another scale than the shipped policy was trained with: %s decides",
+                    find_task(task).reference,
+                )
+            else:
+                warn_of_other_mapping(card, self._config)
         return self._read[task]
 
     def _forget(self) -> None:

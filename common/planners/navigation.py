@@ -99,7 +99,7 @@ class NavigationPlanner(ABC):
 
     @abstractmethod
     def give_up(self, waypoint: Position) -> None:
-        """Leave out a waypoint that the robot was sent to in vain, `MAX_ATTEMPTS` times from one place."""
+        """Leave out a waypoint that the robot failed to reach `MAX_ATTEMPTS` times from one place."""
 
     def _tried(self, position: Position, waypoint: Position) -> bool:
         return self._asked == (position, waypoint) and self._attempts >= MAX_ATTEMPTS

@@ -1,4 +1,4 @@
-"""Nearest frontier: the oldest and plainest way to explore."""
+"""Nearest frontier: the oldest and simplest exploration strategy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from common.planners.visibility import observed
 
 
 class NearestPlanner(ViewpointPlanner):
-    """Drive up to the nearest frontier, by path length, decided anew at each viewpoint.
+    """Drive up to the nearest frontier, by path length, decided again at each viewpoint.
 
     B. Yamauchi: "A Frontier-Based Approach for Autonomous Exploration", IEEE International Symposium on Computational
     Intelligence in Robotics and Automation (CIRA), 1997.

@@ -1,4 +1,4 @@
-"""The world at its best: what the belief does not forbid, unknown space taken as free."""
+"""The optimistic world: everything that the belief does not rule out, with unknown space taken as free."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ class OptimisticBelief:
         return first[0] - self._first[0], first[1] - self._first[1]
 
     def _fit(self, belief: Belief, places: tuple[Position, ...]) -> bool:
-        """Allocate the grid anew when it does not hold all that it must; return whether it did."""
+        """Reallocate the grid when it does not cover everything that it must; return whether it did."""
         row, column = belief.first_cell
         cells = [(row + r, column + c) for r, c in map(belief.cell, places)]
         rows = [row, row + belief.shape[0], *(r for r, _ in cells), *(r + 1 for r, _ in cells)]

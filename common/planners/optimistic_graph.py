@@ -1,4 +1,4 @@
-"""The viewpoint graph of the world at its best, as far as what the robot has seen and tried does not contradict it."""
+"""The viewpoint graph of the optimistic world, minus what the robot has seen and tried to be otherwise."""
 
 from __future__ import annotations
 

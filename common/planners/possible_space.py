@@ -1,4 +1,4 @@
-"""Where the robot might fit: the world at its best with the robot's radius around all obstacles."""
+"""Where the robot might fit: the optimistic world with the robot's radius around all obstacles."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class PossibleSpace:
         return bool(blocker(self.clear.reshape(-1), self.clear.shape[1], *points) == CLEAR)
 
     def joined(self, a: Position, b: Position) -> bool:
-        """Whether the robot might get from one place to another, or from clear space beside them."""
+        """Whether the robot might get from one place to another, or from clear space next to them."""
         cells = [nearest_clear(self.world, self.clear, place, self._reach) for place in (a, b)]
         return all(cell >= 0 for cell in cells) and bool(connected(self.clear, *cells))
 

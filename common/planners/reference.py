@@ -1,4 +1,4 @@
-"""Where a classical planner would go: what a policy of the features `guided` sees beside the belief."""
+"""Where a classical planner would go: what a policy with the features `guided` sees in addition to the belief."""
 
 from __future__ import annotations
 

@@ -133,12 +133,12 @@ class Roadmap:
         self.add(clear, both.points[len(near) :][kept[len(near) :]])
 
     def recheck(self, clear: CellGrid) -> None:
-        """Join all places anew: ways that are not known to be free any more go, those that have become so come."""
+        """Connect all places again: edges no longer known to be free go, those that have become free are added."""
         points, self.points, self.lengths = self.points, np.empty((0, 2)), np.empty((0, 0))
         self.add(clear, points)
 
     def keep(self, nodes: NDArray[np.int64]) -> None:
-        """Drop all places but these; they are numbered anew in this order."""
+        """Drop all places but these; they are renumbered in this order."""
         self.points = self.points[nodes]
         self.lengths = np.ascontiguousarray(self.lengths[np.ix_(nodes, nodes)])
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 from typing import Final
 
+import numpy as np
+
 from common.config.schema import MappingConfig
 from common.policy_file import PolicyCard
 
@@ -21,6 +23,24 @@ def warn_of_other_mapping(card: PolicyCard, config: MappingConfig) -> None:
         card: of the policy.
         config: the mapping that it will be given.
     """
+    differing = _differences(card, config)
+    if differing:
+        log.warning("the policy of run %r was trained with a different mapping: %s", card.run, ", ".join(differing))
+
+
+def of_known_scale(card: PolicyCard, config: MappingConfig) -> bool:
+    """Whether cells are as large, and viewpoints as far apart for the sensor's range, as a policy knows them.
+
+    Finer cells give it more frontier cells at each viewpoint, and another spacing a wider or more finely divided graph,
+    than it ever saw.
+    """
+    low, high = card.ranges.get("resolution", (card.mapping.resolution, card.mapping.resolution))
+    same_cells = card.network.features == "guided" or low <= config.resolution <= high
+    return same_cells and _spacing_fits(card, config)
+
+
+def _differences(card: PolicyCard, config: MappingConfig) -> list[str]:
+    """Return what a policy was trained with and will not be given, in words."""
     trained, given = card.mapping.model_dump(), config.with_planning_set_of(card.mapping).model_dump()
     drawn = {name for name, (low, high) in card.ranges.items() if low <= given[name] <= high}
     # A radius changes where viewpoints are, not how the network reads them.
@@ -33,17 +53,22 @@ def warn_of_other_mapping(card: PolicyCard, config: MappingConfig) -> None:
         for name in given
         if name not in scaled | drawn and trained[name] != given[name]
     ]
-    wanted = _spacing(card.mapping, config)
-    fits = "viewpoint_spacing" in drawn or (
-        wanted / SPACING_TOLERANCE <= config.viewpoint_spacing <= wanted * SPACING_TOLERANCE
-    )
-    if not fits:
+    if not _spacing_fits(card, config):
+        wanted = _spacing(card.mapping, config)
         differing.append(
             f"viewpoints {wanted:g} m apart at a sensor range of {config.sensor_range:g} m "
             f"(here {config.viewpoint_spacing:g} m: set mapping.viewpoint_spacing={wanted:g})"
         )
-    if differing:
-        log.warning("the policy of run %r was trained with another mapping: %s", card.run, ", ".join(differing))
+    return differing
+
+
+def _spacing_fits(card: PolicyCard, config: MappingConfig) -> bool:
+    low, high = card.ranges.get("viewpoint_spacing", (np.inf, -np.inf))
+    wanted = _spacing(card.mapping, config)
+    return (
+        low <= config.viewpoint_spacing <= high
+        or wanted / SPACING_TOLERANCE <= config.viewpoint_spacing <= wanted * SPACING_TOLERANCE
+    )
 
 
 def _spacing(trained: MappingConfig, given: MappingConfig) -> float:

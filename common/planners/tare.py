@@ -20,7 +20,7 @@ from common.planners.visibility import observed
 
 
 class TarePlanner(ViewpointPlanner):
-    """Cover the surroundings in detail and the rest coarsely, by one tour, planned anew at each viewpoint.
+    """Cover the surroundings in detail and the rest coarsely, by one tour, replanned at each viewpoint.
 
     C. Cao, H. Zhu, H. Choset, J. Zhang: "TARE: A Hierarchical Framework for Efficiently Exploring Complex 3D
     Environments", Robotics: Science and Systems (RSS), 2021. This planner is TARE-like, not TARE.
@@ -49,7 +49,7 @@ class TarePlanner(ViewpointPlanner):
       longer on the public training maps, where an exploration is complete without most remainders.
     - A way between subspaces is a shortest path over the viewpoint graph, which takes the place of the keypose graph.
     - A robot that comes back to a viewpoint and has seen nothing new since keeps its tour until it does, see
-      `HeldTour`: tours of equal length, solved anew at each viewpoint, made it go back and forth for ever. The released
+      `HeldTour`: tours of equal length, replanned at each viewpoint, made it go back and forth forever. The released
       code counts changes of direction to the same end.
     - No smoothing of the path by the vehicle's dynamics (its section on trajectory optimisation): a decision is one
       straight edge of the viewpoint graph here.

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.errors import ConfigError
+from common.extras import optional
 
 # The solver counts in whole numbers; a distance is rounded to a centimetre.
 UNITS_PER_METRE: Final = 100
@@ -74,11 +74,7 @@ def load_ortools() -> tuple[Any, ModuleType]:
     Returns:
         The modules ``pywrapcp`` and ``routing_enums_pb2``.
     """
-    try:
+    with optional("this planner", "planners", instead="use a planner without it (nearest, greedy, nbvp, dsvp)"):
         from ortools.constraint_solver import pywrapcp, routing_enums_pb2
-    except ModuleNotFoundError as error:
-        raise ConfigError(
-            "this planner needs OR-Tools, which is not installed: pip install 'hdplanner[planners]', or use a planner "
-            "without tours (nearest, greedy, nbvp, dsvp)"
-        ) from error
+
     return pywrapcp, routing_enums_pb2

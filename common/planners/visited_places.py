@@ -1,4 +1,4 @@
-"""Where a robot has been since it last learnt something: what planners need to notice that they go in circles."""
+"""Where a robot has been since it last learned something, so that planners notice when they go in circles."""
 
 from __future__ import annotations
 

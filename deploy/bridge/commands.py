@@ -29,7 +29,7 @@ _CONFIRMED: Final = 1.0
 
 
 class Stopper(Protocol):
-    """What commands need of `deploy.safety.VelocityGate`."""
+    """What commands need of `deploy.safety.gate.VelocityGate`."""
 
     @property
     def latched(self) -> bool:

@@ -27,7 +27,7 @@ _FIGURES = re.compile(r"[0-9.]+")
 
 
 class Surroundings(Protocol):
-    """What driving needs of `deploy.mapping.RobotMap`."""
+    """What driving needs of `deploy.mapping.robot_map.RobotMap`."""
 
     @property
     def pose(self) -> Pose | None:

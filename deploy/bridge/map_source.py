@@ -11,7 +11,7 @@ from deploy.mapping.robot_map import MapStatistics
 
 
 class MapSource(Protocol):
-    """What the loop needs of `deploy.mapping.RobotMap`."""
+    """What the loop needs of `deploy.mapping.robot_map.RobotMap`."""
 
     def refresh(self) -> Mapper | None:
         """Apply what came and update the mapper; None while pose or map lack."""

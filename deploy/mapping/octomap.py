@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.errors import MappingError
+from common.extras import optional
 from common.mapping.sight import FREE, OCCUPIED, UNKNOWN
 from deploy.config import SensingConfig
 from deploy.mapping.intake import Cloud
@@ -32,15 +32,11 @@ class OctoMap:
         """Begin an empty tree.
 
         Raises:
-            MappingError: pyoctomap is not installed.
+            MissingPackageError: pyoctomap is not installed.
         """
-        try:
+        with optional("sensing.octomap", "octomap", instead="set sensing.octomap to false"):
             import pyoctomap
-        except ImportError as error:
-            raise MappingError(
-                "sensing.octomap needs the package pyoctomap: pip install 'hdplanner[octomap]', or set "
-                "sensing.octomap to false"
-            ) from error
+
         self.columns = MeasuredGrid(config.octomap_resolution, (0.0, 0.0))
         self._config = config
         self._range_max = range_max

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 
-from common.cli import command_errors
+from common.cli import command_errors, message_console, output_console
 from common.logs import setup_logging
+from common.progress import Steps, tell_of_kernels
 from common.registry import refuse_modules
 from common.signals import stopping_signals
 from deploy.config import DeployConfig
@@ -30,7 +30,7 @@ Overrides = Annotated[
     typer.Option("--set", help="One parameter; may be repeated.", metavar="SECTION.FIELD=VALUE"),
 ]
 LogLevel = Annotated[str | None, typer.Option("--log-level", help="debug, info, warning or error.")]
-Rerun = Annotated[bool, typer.Option("--rerun", help="Show it live in Rerun (needs hdplanner[rerun]).")]
+Rerun = Annotated[bool, typer.Option("--rerun", help="Show it live in Rerun (extra `rerun`).")]
 
 RECORD_EXAMPLES = """
 Examples:
@@ -146,17 +146,19 @@ def replay(
             viewer.show(recorded.topic, recorded.kind, recorded.payload, recorded.time)
     replayed = comparison = None
     if not checks_only:
-        replayed = BagPlayer(resolved, not has_decisions(checks.topics, resolved.topics, resolved.ros.namespace)).run(
-            read_bag(path)
-        )
+        console = message_console()
+        tell_of_kernels(console, "common", "deploy")
+        again = BagPlayer(resolved, not has_decisions(checks.topics, resolved.topics, resolved.ros.namespace))
+        with Steps(console, "messages") as steps:
+            total = sum(topic.count for topic in checks.topics.values())
+            replayed = again.run(steps.track("replay", read_bag(path), total))
         limit = resolved.mapping.viewpoint_spacing / 2.0 if tolerance is None else tolerance
         comparison = compare(replayed.recorded, replayed.decided, replayed.begin, limit)
     result = summary(checks, replayed, comparison)
     if as_json:
         typer.echo(json.dumps(result, indent=2))
     else:
-        # A table that goes into a file is not squeezed into 80 columns.
-        show(result, Console() if Console().is_terminal else Console(width=160))
+        show(result, output_console())
     if comparison is not None and comparison.agreement < min_agreement:
         raise typer.Exit(1)
 

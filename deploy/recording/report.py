@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
+from common.cli import whole_table
 from deploy.recording.bag_player import Playback
 from deploy.recording.checks import Checks, histogram
 from deploy.recording.comparison import Comparison
@@ -75,7 +75,7 @@ def summary(checks: Checks, replayed: Playback | None, comparison: Comparison | 
 def show(result: dict[str, Any], console: Console) -> None:
     """Print a summary for people."""
     console.print(f"{result['duration']:.1f} s, {len(result['topics'])} topics")
-    table = Table("topic", "type", "messages", "Hz", "longest gap", "frames", "notes")
+    table = whole_table("topic", "type", "messages", "Hz", "longest gap", "frames", "notes")
     for name, topic in result["topics"].items():
         table.add_row(
             name,

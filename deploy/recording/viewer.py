@@ -1,4 +1,4 @@
-"""Shows topics live in Rerun, where `rerun-sdk` is installed (`pip install hdplanner[rerun]`)."""
+"""Shows topics live in Rerun, where `rerun-sdk` is installed (extra `rerun`)."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from types import ModuleType
 
 import numpy as np
 
+from common.extras import optional
 from common.geometry import Pose
-from deploy.recording.errors import RecordingError
 from deploy.ros2 import Message, RosError
 from deploy.ros2.conversions import grid_from, path_from, points_from, pose_from, position_from, scan_from
 from deploy.ros2.messages import deserialize
@@ -77,11 +77,8 @@ class Viewer:
 
 
 def _import_rerun() -> ModuleType:
-    try:
+    with optional("--rerun", "rerun"):
         import rerun
-    except ImportError:
-        raise RecordingError(
-            "--rerun needs the package rerun-sdk: install it with pip install 'hdplanner[rerun]'"
-        ) from None
+
     module: ModuleType = rerun
     return module

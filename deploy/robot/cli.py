@@ -5,17 +5,15 @@ from __future__ import annotations
 import json
 import os
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from pydantic import ValidationError
-from rich.console import Console
 
-from common.cli import command_errors
+from common.cli import command_errors, message_console
 from common.errors import ConfigError
+from common.extras import optional
 from common.logs import setup_logging
 from common.signals import stopping_signals
 from common.tasks import TASKS
@@ -34,6 +32,8 @@ Target = Annotated[Position | None, typer.Option(metavar="X Y", help="Target in 
 Scale = Annotated[
     float | None, typer.Option(help=f"Metres per pixel of the map. [default: its set's, else {DEFAULT_SCALE}]")
 ]
+# What a simulated robot takes, all at once, whichever is missed first.
+_EXTRAS = ("actor", "pybullet", "robot", "plots")
 ENDPOINT = "tcp/127.0.0.1:7447"
 
 EXAMPLES = """
@@ -106,7 +106,7 @@ def robot(
 ) -> None:
     """Simulate a robot under physics behind the ROS 2 topics of a real one. Ctrl-C ends it."""
     setup_logging(log_level)
-    with _extras("robot"):
+    with optional("hd-deploy robot", *_EXTRAS):
         from deploy.robot.process import run_robot
 
     options = checked_options(
@@ -155,9 +155,9 @@ def demo(
     log_level: Annotated[str | None, typer.Option(help="debug, info, warning or error.")] = None,
 ) -> None:
     """Watch a simulated robot explore: robot and bridge as processes, live in the terminal, a video at the end."""
-    console = Console(stderr=True)
+    console = message_console()
     setup_logging(log_level, console=console if console.is_terminal else None)
-    with _extras("demo"):
+    with optional("hd-deploy demo", *_EXTRAS):
         from deploy.robot.demo import run_demo
         from deploy.robot.trial import Trial
 
@@ -186,18 +186,6 @@ def demo(
     typer.echo(json.dumps(verdict.to_json(), indent=2))
     if not verdict.success and not stop.is_set():
         raise typer.Exit(1)
-
-
-@contextmanager
-def _extras(command: str) -> Iterator[None]:
-    """Name what is not installed, while importing."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        raise ConfigError(
-            f"hd-deploy {command} needs {error.name}, which is not installed: "
-            "pip install 'hdplanner[actor,pybullet,robot,plots]'"
-        ) from error
 
 
 def placed(world: str, start: Position | None, target: Position | None) -> str:

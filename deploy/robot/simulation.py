@@ -13,7 +13,7 @@ from actors.maps.grid_map import GridMap
 from actors.maps.sources import open_sources, recommended
 from common.closing import Closing
 from common.config.schema import SimulatorConfig
-from common.errors import SimulatorError
+from common.extras import optional
 from common.geometry import Pose, Scan
 from deploy.config import DeployConfig
 from deploy.network_config import TopicsConfig
@@ -247,15 +247,9 @@ def centred(world: GridMap) -> GridMap:
 
 
 def _simulator(options: RobotOptions, topics: TopicsConfig, sensor_range: float) -> DynamicSimulator:
-    try:
+    with optional("hd-deploy robot", "pybullet"):
         from actors.simulators.dynamic import DynamicSimulator
-    except ModuleNotFoundError as error:
-        if error.name != "pybullet":
-            raise
-        raise SimulatorError(
-            "hd-deploy robot needs PyBullet, which is not installed: pip install 'hdplanner[pybullet]' (ready-made "
-            "wheels exist up to CPython 3.11, newer Pythons build it from source)"
-        ) from error
+
     settings = SimulatorConfig(
         fidelity="dynamic",
         rays=options.rays,

@@ -1,4 +1,7 @@
-"""Imitation of a privileged expert that knows the cost of every waypoint (RECIPES, recipe (a))."""
+"""Imitation of a privileged expert that knows the cost of every waypoint.
+
+What it brought, and what did not help, is in docs/design.md, "Imitation before reinforcement".
+"""
 
 from __future__ import annotations
 

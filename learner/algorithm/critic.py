@@ -1,4 +1,4 @@
-"""The hierarchical critics: Q(o, b, a) for all pairs of beacon and waypoint at once (DESIGN, section 5)."""
+"""The hierarchical critics: Q(o, b, a) for all pairs of beacon and waypoint at once (docs/design.md)."""
 
 from __future__ import annotations
 

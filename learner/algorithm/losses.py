@@ -1,4 +1,4 @@
-"""The losses of hierarchical soft actor-critic, each a pure function (DESIGN, section 6; paper, section IV).
+"""The losses of hierarchical soft actor-critic, each a pure function (paper, section IV; docs/design.md).
 
 All are exact sums over the pairs (b, a) of beacon and waypoint of each observation; see `GraphBatch` for slots and
 pairs. Observations without a pair (an end state) have value 0.

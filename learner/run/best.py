@@ -35,6 +35,8 @@ class BestPolicy:
         self._published = PublishedPolicies()
         self.version = -1
         """Version of the best policy, -1 before the first complete evaluation."""
+        self.figures: dict[str, float] = {}
+        """Its means over the validation worlds, see `Round.figures`."""
         self._score: Score | None = None
         self._recall()
 
@@ -70,7 +72,7 @@ class BestPolicy:
         document = {**asdict(card), "network": card.network.model_dump(), "mapping": card.mapping.model_dump()}
         tensors = {name: torch.from_numpy(np.array(array)) for name, array in weights.items()}
         folder = self._checkpoints.save_best(finished.version, tensors, document)
-        self.version, self._score = finished.version, score
+        self.version, self.figures, self._score = finished.version, finished.figures, score
         logger.info("best policy so far: version %d, saved as %s", finished.version, folder.name)
 
     def _recall(self) -> None:
@@ -80,6 +82,7 @@ class BestPolicy:
         try:
             document = self._checkpoints.load(name).document
             self._score = Score.of(document["evaluation"])
+            self.figures = dict(document["evaluation"])
             self.version = int(document["version"])
         except (CheckpointError, KeyError, TypeError, ValueError) as error:
             aside = self._checkpoints.set_aside(name)

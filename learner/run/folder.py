@@ -39,6 +39,8 @@ class RunFolder(Closing):
     `learner.log`             what the learner said
     `episodes.jsonl`          one line per finished episode
     `tensorboard/`            curves
+    `summary.json`            see `RunSummary`
+    `tracking.json`           names of the run in trackers, see `make_writers`
     `checkpoints/`            see `CheckpointStore`
     `journal/`                see `Journal`
     `damaged/`                bytes that could not be read any more

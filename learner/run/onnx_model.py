@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.config.schema import NetworkConfig
-from common.errors import CheckpointError
+from common.extras import optional
 from common.features import feature_count
 from common.network.parameters import Arrays
 
@@ -39,14 +39,11 @@ def onnx_model(config: NetworkConfig, arrays: Arrays) -> bytes:
         arrays: its weights, as `common.network.parameters` names them.
 
     Raises:
-        CheckpointError: the package onnx is not installed.
+        MissingPackageError: the package onnx is not installed.
     """
-    try:
+    with optional("writing ONNX", "onnx", instead="export to .safetensors"):
         import onnx
-    except ImportError as error:
-        raise CheckpointError(
-            "writing ONNX needs the package onnx: pip install 'hdplanner[onnx]', or export to .safetensors"
-        ) from error
+
     builder = _Builder(config, arrays, onnx.helper, onnx.numpy_helper)
     log_beacon, log_waypoint = builder.policy()
     builder.op("Identity", log_beacon, name="log_beacon")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from learner.run.disk import DiskWatch
 from learner.run.episodes import GROUPS
 from learner.watch.evaluation import Round
 from learner.watch.metrics import Curves, Means, RateMeter
+from learner.watch.writers import Writer
 
 LOG_EVERY = 10
 """Updates between two points of the curves."""
@@ -24,9 +26,18 @@ class CurveRecorder:
         ingest: what collecting has brought.
         update: updates so far; see `Curves`.
         disk: is told when the disk refuses something.
+        writers: take every point too; closed together with this.
     """
 
-    def __init__(self, folder: Path, ingest: Ingest, update: int = 0, disk: DiskWatch | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        ingest: Ingest,
+        update: int = 0,
+        disk: DiskWatch | None = None,
+        writers: Sequence[Writer] = (),
+    ) -> None:
+        self._writers = writers
         self._curves = Curves(folder, update, disk)
         self._ingest = ingest
         self._figures = Means()
@@ -69,15 +80,22 @@ class CurveRecorder:
             late = ingest.episodes.means(group)
             if late is not None:
                 values |= _named(f"episode_{group}", asdict(late))
-        self._curves.write(limiter.updates, values)
+        self._write(limiter.updates, values)
 
     def write_evaluation(self, finished: Round) -> None:
         """Write the point of a complete round of evaluation."""
-        self._curves.write(self._ingest.limiter.updates, _named("evaluation", finished.figures))
+        self._write(self._ingest.limiter.updates, _named("evaluation", finished.figures))
 
     def write_text(self, name: str, content: str) -> None:
         """Write a text, such as the configuration."""
         self._curves.text(name, content)
+        for writer in self._writers:
+            writer.text(name, content)
+
+    def write_summary(self, values: Mapping[str, Any]) -> None:
+        """Give the figures of the whole run to the trackers."""
+        for writer in self._writers:
+            writer.summary(values)
 
     def state(self) -> dict[str, Any]:
         """Return the figures since the last point, ready for JSON."""
@@ -94,6 +112,13 @@ class CurveRecorder:
     def close(self) -> None:
         """Flush and close; safe to call twice."""
         self._curves.close()
+        for writer in self._writers:
+            writer.close()
+
+    def _write(self, update: int, values: Mapping[str, float]) -> None:
+        self._curves.write(update, values)
+        for writer in self._writers:
+            writer.write(update, values)
 
 
 def _named(group: str, means: dict[str, float]) -> dict[str, float]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import CheckpointError, ConfigError
+from common.extras import optional
 from learner.run.episodes import read_episodes
 
 TRAINING_WINDOW = 50
@@ -86,10 +87,9 @@ def plot_run(
         CheckpointError: the run has no finished episode.
         ConfigError: matplotlib is not installed, or does not know the format.
     """
-    try:
+    with optional("a plot", "plots"):
         from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ConfigError("plots need matplotlib: pip install 'hdplanner[plots]'") from error
+
     training, evaluation = read_curves(folder / "episodes.jsonl", window)
     figure = Figure(figsize=(8.0, 5.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])

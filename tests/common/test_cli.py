@@ -1,14 +1,16 @@
 """What a user sees when a command fails."""
 
+import io
 import os
 import subprocess
 import sys
 
 import pytest
 import typer
+from rich.console import Console
 from typer.testing import CliRunner
 
-from common.cli import command_errors
+from common.cli import command_errors, output_console, whole_table
 from common.errors import ConfigError
 
 
@@ -63,3 +65,16 @@ def test_a_terminal_that_is_not_utf_8_is_written_to(command):
     # The last one names a file that is not there.
     assert done.returncode == int("--config" in command), output[-500:]
     assert len(output) > 50
+
+
+def test_tables_in_a_pipe_or_a_narrow_terminal_lose_nothing(capsys):
+    topic = "/a/very/long/name/of/a/topic/that/nobody/would/want/to/see/cut/short" * 3
+    table = whole_table("topic", "type")
+    table.add_row(topic, "generator:office: no emoji")
+    output_console().print(table)
+    piped = capsys.readouterr().out
+    assert topic in piped
+    assert "generator:office: no emoji" in piped
+    narrow = Console(file=io.StringIO(), width=40)
+    narrow.print(table)
+    assert "…" not in narrow.file.getvalue()

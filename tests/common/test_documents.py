@@ -23,10 +23,10 @@ from common.documents import MAX_BYTES, DocumentError, parse_json, parse_toml, r
     ids=lambda text: repr(text[:8]),
 )
 def test_hostile_json_is_refused_in_one_sentence(text):
-    began = time.monotonic()
+    began = time.process_time()
     with pytest.raises(DocumentError) as caught:
         parse_json(text)
-    assert time.monotonic() - began < 1.0
+    assert time.process_time() - began < 1.0
     assert "\n" not in str(caught.value)
 
 
@@ -46,18 +46,18 @@ def test_hostile_json_is_refused_in_one_sentence(text):
     ids=lambda text: repr(text[:8]),
 )
 def test_hostile_toml_is_refused_in_one_sentence(text):
-    began = time.monotonic()
+    began = time.process_time()
     with pytest.raises(DocumentError) as caught:
         parse_toml(text)
-    assert time.monotonic() - began < 1.0
+    assert time.process_time() - began < 1.0
     assert "\n" not in str(caught.value)
 
 
 def test_large_but_honest_toml_is_quick():
-    began = time.monotonic()
+    began = time.process_time()
     text = "\n".join(f'[worlds."plan-{i}.pgm"]\nstart = [1.5, 2.0]' for i in range(2_500))
     assert len(parse_toml(text)["worlds"]) == 2_500
-    assert time.monotonic() - began < 2.0
+    assert time.process_time() - began < 2.0
 
 
 def test_a_file_without_end_is_not_read_to_its_end(tmp_path):

@@ -1,4 +1,4 @@
-"""The commands `hd-eval large` and those that show what it made."""
+"""The command `hd-eval large` and those that show its results."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from actors.evaluation.options import ConfigFile, Overrides, ResultsPaths, TableFormat, TaskName, write_text
-from actors.evaluation.progress import planner_list, progress_bars, run_and_show
-from common.cli import EXIT_ERROR, command_errors
+from actors.evaluation.progress import planner_list, run_and_show
+from common.cli import EXIT_ERROR, command_errors, message_console
 from common.logs import setup_logging
+from common.progress import Steps, tell_of_kernels
 from common.tasks import EXPLORATION, find_task
 
 app = typer.Typer()
@@ -34,7 +34,7 @@ def large(
             help="Planners (see hd-eval planners), `omniscient`, or MODULE:CLASS.",
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results; made when missing.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; created if missing.")],
     task: TaskName = EXPLORATION.name,
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Number of worlds, from the first on.")] = 5,
     world: Annotated[
@@ -61,7 +61,7 @@ def large(
         float,
         typer.Option("--time-limit", min=0.001, metavar="SECONDS", help="Processor time; a slower decision fails."),
     ] = 10.0,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Begin anew instead of going on.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Start over instead of continuing.")] = False,
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
@@ -80,7 +80,7 @@ def large(
     from actors.evaluation.suited import suited_config
     from actors.evaluation.worlds import WorldSet
 
-    console = Console(stderr=True)
+    console = message_console()
     setup_logging("warning", console=console if console.is_terminal else None)
     own = [f"simulator.{name}={value}" for name, value in LIDAR.items()]
     own += [f"task.max_steps={MAX_STEPS}", *(overrides or []), f"task.name={task}"]
@@ -132,14 +132,14 @@ def large_table(
 @command_errors
 def large_plot(
     results: ResultsPaths,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the pictures; made when missing.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the pictures; created if missing.")],
     map_name: Annotated[
         list[str] | None,
         typer.Option("--map", metavar="NAME", help="World of the trajectories; may be repeated. [default: the first]"),
     ] = None,
     suffix: Annotated[str, typer.Option("--suffix", help="Format: png, svg or pdf.")] = "png",
 ) -> None:
-    """Draw explored volume against distance and time, and the driven ways.
+    """Draw explored volume against distance and time, and the driven routes.
 
     Example: `hd-eval large-plot exploration/ --out pictures/`
     """
@@ -158,7 +158,7 @@ def large_plot(
         written.append(out / f"tracks-{re.sub(r'[^A-Za-z0-9_]+', '-', name).strip('-')}.{suffix}")
         plots.plot_tracks(found, name, worlds[name], written[-1])
     for path in written:
-        Console(stderr=True).print(str(path), highlight=False)
+        message_console().print(str(path), highlight=False)
 
 
 @app.command()
@@ -175,18 +175,17 @@ def large_recount(results: ResultsPaths) -> None:
     from actors.evaluation.large.results import collect_large_results, worlds_of
 
     found = collect_large_results(results)
-    console = Console(stderr=True)
+    console = message_console()
+    tell_of_kernels(console, "common", "actors")
     differing = 0
     for each in found:
         worlds = worlds_of(each, [episode.map for episode in each.episodes])
         lines: list[str] = []
-        with progress_bars(console) as bars:
-            row = bars.add_task(each.planner, total=len(each.episodes))
-            for episode in each.episodes:
+        with Steps(console) as steps:
+            for episode in steps.track(each.planner, each.episodes, len(each.episodes)):
                 problems = recount(each, episode, worlds[episode.map])
                 differing += bool(problems)
                 lines += [f"  {episode.map}: {problem}\n" for problem in problems]
-                bars.advance(row)
         agree = len(each.episodes) - len({line.split(":")[0] for line in lines})
         write_text(f"{each.planner}: {agree} of {len(each.episodes)} episodes agree\n" + "".join(lines), None)
     if differing:

@@ -1,4 +1,4 @@
-"""Plots of an evaluation at a large scale: explored volume against distance and time, and the driven ways."""
+"""Plots of an evaluation at a large scale: explored volume against distance and time, and the driven routes."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def plot_tracks(found: Sequence[LargeResults], map_name: str, world: GridMap, pa
     """
     shown = [(results, episode) for results in found for episode in results.episodes if episode.map == map_name]
     if not shown:
-        raise ResultsError(f"the results have no world {map_name!r}: choose one that stands in them")
+        raise ResultsError(f"the results have no world {map_name!r}: choose one of theirs")
     figure, axes = panels(len(shown), world.size[1] / world.size[0], 6.0)
     (x, y), (width, height) = world.origin, world.size
     picture = np.where(world.free, 0.96, 0.25)

@@ -212,7 +212,7 @@ def settings_of(results: LargeResults) -> LargeSettings:
         settings = LargeSettings.model_validate(results.settings)
     except ValidationError as error:
         raise ResultsError(
-            f"the settings of {results.planner!r} are none of this version ({error.errors()[0]['msg']}): "
+            f"the settings of {results.planner!r} do not fit this version ({error.errors()[0]['msg']}): "
             "use the version that made them"
         ) from error
     refuse_modules(settings.named_parts(), (), f"the results file of {results.planner!r}", "install it as a package")

@@ -1,4 +1,4 @@
-"""What an evaluation at a large scale is."""
+"""Settings of an evaluation at a large scale."""
 
 from __future__ import annotations
 

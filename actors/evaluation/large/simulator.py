@@ -1,4 +1,4 @@
-"""The dynamic simulator with a notebook: when and where the lidar scanned, and the volume that it saw."""
+"""The dynamic simulator with a record of when and where the lidar scanned, and the volume that it saw."""
 
 from __future__ import annotations
 

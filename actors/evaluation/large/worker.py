@@ -1,4 +1,4 @@
-"""One worker process of an evaluation at a large scale; `actors.evaluation.worker` says what it is told and tells."""
+"""One worker process of an evaluation at a large scale; `actors.evaluation.worker` describes its messages."""
 
 from __future__ import annotations
 

@@ -308,10 +308,10 @@ def test_texts_in_pictures_that_grow_without_end_are_refused_at_once(tmp_path: P
     ):
         path = tmp_path / "bomb.png"
         path.write_bytes(head + texts + rest)
-        before, began = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.monotonic()
+        before, began = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
         with pytest.raises(MapError, match="cannot read the image"):
             read_pixels(path)
-        assert time.monotonic() - began < 1.0
+        assert time.process_time() - began < 1.0
         assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000
 
 

@@ -136,7 +136,7 @@ def test_sources_that_need_different_settings_are_told_apart() -> None:
 @pytest.mark.parametrize("text", ["a" + ".a" * 60_000 + " = 1", "a = " + "[" * 60_000])
 def test_settings_that_are_made_to_cost_are_refused_at_once(tmp_path, text):
     (tmp_path / "worlds.toml").write_text(text)
-    began = time.monotonic()
+    began = time.process_time()
     with pytest.raises(MapError, match="must not nest deeper"):
         read_folder(tmp_path)
-    assert time.monotonic() - began < 1.0
+    assert time.process_time() - began < 1.0

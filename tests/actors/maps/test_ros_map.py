@@ -299,7 +299,7 @@ def test_an_image_of_colours_is_read_by_the_mean_of_its_channels(tmp_path: Path)
 def test_lists_without_end_are_refused_at_once(tmp_path: Path) -> None:
     path = tmp_path / "plan.yaml"
     path.write_text("a: " + "[" * 30_000)
-    began = time.monotonic()
+    began = time.process_time()
     with pytest.raises(MapError, match="lists without end"):
         read_map_server_file(path)
-    assert time.monotonic() - began < 1.0
+    assert time.process_time() - began < 1.0

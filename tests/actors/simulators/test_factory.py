@@ -7,7 +7,7 @@ import pytest
 from actors.simulators.factory import make_simulator
 from actors.simulators.grid import GridSimulator
 from common.config.schema import SimulatorConfig
-from common.errors import SimulatorError
+from common.errors import HDError, SimulatorError
 from tests.actors.simulators.worlds import RANGE, hall
 
 
@@ -26,7 +26,7 @@ def test_missing_pybullet_says_what_to_do(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     from actors.simulators.factory import make_simulator as fresh
 
-    with pytest.raises(SimulatorError, match=r"pip install .*--sim grid"):
+    with pytest.raises(HDError, match=r"pip install .*--sim grid"):
         fresh(SimulatorConfig(), RANGE)
 
 

@@ -388,7 +388,7 @@ class ReferenceMapper:
         cell = self.cell_for(point)
         return None if cell is None else self.piece_at[cell]
 
-    def _move_to_lookouts(self, frontiers: list[Cell], pieces: list[Piece]) -> None:
+    def _move_to_lookouts(self, groups: list[list[Cell]], pieces: list[Piece]) -> None:
         """Let the viewpoint of each piece stand at the clear cell that is nearest to a frontier, unless that is known.
 
         A frontier belongs to the nearest clear cell that sees it, and to those of the cells around it that see it, too.
@@ -396,7 +396,7 @@ class ReferenceMapper:
         """
         reach = self.clear_reach
         nearest: dict[Piece, tuple[int, Cell]] = {}
-        for row, column in frontiers:
+        for row, column in (group[0] for group in groups):
             near = [
                 (up**2 + right**2, (row + up, column + right))
                 for up in range(-reach - 1, reach + 2)
@@ -415,7 +415,7 @@ class ReferenceMapper:
                     and not self._has_been(place)
                     and (
                         self._in_gap((row, column))
-                        or self._observed_from(middle(place), frontiers) >= self.config.least_utility
+                        or self._observed_from(middle(place), groups) >= self.config.least_utility
                     )
                 ):
                     piece = self.piece_at[place]
@@ -460,20 +460,40 @@ class ReferenceMapper:
             for piece in self.pieces
             if not piece.waits or piece.visited or piece is self.robot or any(p.visited for p in piece.touching)
         ]
-        self._count()
+        side = max(floor(0.25 / self.config.resolution + 0.5), 1)
+        self._group(side)
         if self.robot is None:
             return
         self._connect()
+        self._look_around(here, usual)
+        if self.nothing_left and side > 1:
+            self._group(1)
+            self._look_around(here, usual)
+        if self.nothing_left:
+            self.been.add(self.cell_for(here))
+            self.robot.visited = True
+            for piece in self.pieces:
+                piece.place, piece.lookout = usual[piece], False
+            self._group(1)
+            self._move_to_lookouts(self.groups, self.pieces)
+            self.viewpoints = self.pieces
+            self._count()
+            self._connect()
+        self._observe()
+
+    def _look_around(self, here: Point, usual: dict[Piece, Point]) -> None:
+        """Let pieces where the robot has been look past corners that nobody else will show; find what is left."""
         if self.config.robot_radius > 0.0:
-            # Pieces where the robot has been look past corners that nobody else will show.
+            assert self.robot is not None
             if self.robot.visited:
-                self.been.add(self.cell_for(here))
-            reach = self.config.observable_range
+                cell = self.cell_for(here)
+                assert cell is not None
+                self.been.add(cell)
+            for piece in self.pieces:
+                piece.place, piece.lookout = usual[piece], False
             new = [piece.place for piece in self.nodes if not piece.visited]
             overlooked = [
-                cell
-                for cell in self.all_frontiers
-                if not any(self.within(place, middle(cell), reach) and self.sees(place, middle(cell)) for place in new)
+                group for group in self.groups if not any(self._observed_from(place, [group]) for place in new)
             ]
             self._move_to_lookouts(overlooked, [piece for piece in self.viewpoints if piece.visited])
             self._count()
@@ -482,25 +502,26 @@ class ReferenceMapper:
             self.counts[piece] >= self.config.least_utility and (not piece.visited or piece.lookout)
             for piece in self.nodes
         )
-        if self.nothing_left:
-            self.been.add(self.cell_for(here))
-            self.robot.visited = True
-            for piece in self.pieces:
-                piece.place, piece.lookout = usual[piece], False
-            self._move_to_lookouts(self.all_frontiers, self.pieces)
-            self.viewpoints = self.pieces
-            self._count()
-            self._connect()
-        self._observe()
+
+    def _group(self, side: int) -> None:
+        """Let the first frontier cell of each block of so many by so many cells stand for all of them."""
+        blocks: dict[Cell, list[Cell]] = {}
+        for cell in sorted(self.all_frontiers):
+            blocks.setdefault((cell[0] // side, cell[1] // side), []).append(cell)
+        self.groups = list(blocks.values())
+        self._count()
 
     def _count(self) -> None:
         """The frontiers that viewpoints observe."""
-        self.counts = {piece: self._observed_from(piece.place, self.all_frontiers) for piece in self.viewpoints}
+        self.counts = {piece: self._observed_from(piece.place, self.groups) for piece in self.viewpoints}
 
-    def _observed_from(self, place: Point, frontiers: list[Cell]) -> int:
-        centres = [middle(cell) for cell in frontiers]
+    def _observed_from(self, place: Point, groups: list[list[Cell]]) -> int:
         reach = self.config.observable_range
-        return sum(self.within(place, f, reach) and self.sees(place, f) for f in centres)
+        return sum(
+            len(group)
+            for group in groups
+            if self.within(place, middle(group[0]), reach) and self.sees(place, middle(group[0]))
+        )
 
     def _connect(self) -> None:
         """Straight edges and bent ones, and the viewpoints that they connect with the robot's."""

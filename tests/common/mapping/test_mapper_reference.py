@@ -135,7 +135,7 @@ def random_scan(rng: np.random.Generator, free: np.ndarray, resolution: float, p
 @SETTINGS
 @given(
     seed=st.integers(0, 2**32 - 1),
-    resolution=st.sampled_from([0.2, 0.25, 0.5]),
+    resolution=st.sampled_from([0.1, 0.2, 0.25, 0.5]),
     spacing=st.sampled_from([1.0, 1.3, 2.0, 2.5]),
     with_bounds=st.booleans(),
     with_target=st.booleans(),

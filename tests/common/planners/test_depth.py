@@ -86,3 +86,30 @@ def test_a_policy_of_ones_own_has_no_guard() -> None:
     own.reset("exploration", None, 0)
     own.plan(environment.mapper, environment.pose)
     assert own.guarded == 0 and own.attention is not None
+
+
+@pytest.mark.parametrize(
+    ("changes", "within"),
+    [
+        ({"sensor_range": 15.0, "viewpoint_spacing": 3.0}, True),
+        ({"robot_radius": 0.25}, True),
+        ({"resolution": 0.1}, False),
+        ({"viewpoint_spacing": 1.0}, False),
+        ({"sensor_range": 10.0}, False),
+    ],
+)
+def test_cells_and_spacing_of_another_scale_are_no_place_for_a_shipped_policy(
+    changes: dict[str, float], within: bool
+) -> None:
+    mapping = MappingConfig(**{**MAPPING.model_dump(), **changes})
+    learned = LearnedPlanner(mapping)
+    simulator = GridSimulator(SimulatorConfig(name="grid", rays=360), mapping.sensor_range)
+    fitting = learned.mapping_for("exploration")
+    environment = Environment(simulator, fitting, make_goal(TaskConfig(name="exploration")), RewardConfig(), 200)
+    environment.reset(make_generator("rooms", {}).world(5_000_000, 0.25), 0, on_lattice=False)
+    learned.reset("exploration", None, 0)
+    for _ in range(8):
+        plan = learned.plan(environment.mapper, environment.pose)
+        assert plan.waypoint is not None
+        environment.step_to(plan.waypoint, plan.via)
+    assert (learned.attention is not None) == within

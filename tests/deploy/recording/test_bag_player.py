@@ -4,10 +4,10 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
+from common.extras import MissingPackageError
 from deploy.cli import app
 from deploy.recording.bag_player import BagPlayer, has_decisions
 from deploy.recording.comparison import compare
-from deploy.recording.errors import RecordingError
 from deploy.recording.reader import read_bag
 from deploy.recording.viewer import Viewer
 from tests.deploy.recording.world import SCAN, config, explore, recorded, status, write
@@ -137,7 +137,7 @@ def test_the_command_says_what_is_missing(tmp_path):
 
 def test_the_viewer_asks_for_its_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(RecordingError, match=r"hdplanner\[rerun\]"):
+    with pytest.raises(MissingPackageError, match=r"\[rerun\]"):
         Viewer()
 
 

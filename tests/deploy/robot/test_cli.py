@@ -64,7 +64,7 @@ def test_without_pybullet_the_command_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     result = runner.invoke(app, ["robot"])
     assert result.exit_code == 1
-    assert "needs PyBullet, which is not installed: pip install" in result.output
+    assert "needs the package pybullet, which is not installed:" in result.output
 
 
 def test_defaults_of_the_command_are_those_of_the_options():

@@ -44,7 +44,9 @@ def test_endpoints_disappear_with_their_node(endpoint):
 def test_bridges_are_seen_too(endpoint):
     with Node(ros(endpoint, layout="ros2dds"), "bridge") as bridge:
         bridge.publisher("/robot1/scan", "sensor_msgs/msg/LaserScan", SENSOR)
-        (scan,) = watch(ros(endpoint)).topics()["/robot1/scan"]
+        # On a loaded machine a peer may take longer to be heard of than a look lasts.
+        assert eventually(lambda: "/robot1/scan" in watch(ros(endpoint)).topics())
+        (scan,) = watch(ros(endpoint), 3.0).topics()["/robot1/scan"]
         assert scan.kind == "sensor_msgs/msg/LaserScan"
         assert scan.node.startswith("bridge ")
         assert scan.qos == SENSOR

@@ -1,0 +1,84 @@
+"""`summary.json` of a run: the figures that stand for it in a table of runs."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any, Final
+
+from common.errors import CheckpointError
+from learner.run.files import replace_text, to_json
+
+SUMMARY_FILE: Final = "summary.json"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class RunSummary:
+    """A run at its newest checkpoint.
+
+    Attributes:
+        name: of the run.
+        state: what the learner did, see `LearnerStatus`; a run whose learner was killed keeps its last one.
+        task: ``exploration``, ``navigation`` or ``both``.
+        algorithm: ``sac`` or ``ppo``.
+        updates: made.
+        total_updates: after which it is complete.
+        steps: collected.
+        episodes: finished.
+        hours: of training, pauses between processes left out.
+        best_version: of the best evaluated policy, -1 before the first evaluation.
+        best: its means over the validation worlds, see docs/metrics.md.
+        seed: of the run.
+        commit: of the code.
+        written: when, ISO 8601.
+    """
+
+    name: str
+    state: str
+    task: str
+    algorithm: str
+    updates: int
+    total_updates: int
+    steps: int
+    episodes: int
+    hours: float
+    best_version: int
+    best: dict[str, float]
+    seed: int
+    commit: str
+    written: str
+
+    def flat(self) -> dict[str, Any]:
+        """Return one value per name, the means of the best policy as ``best/NAME``."""
+        values = dataclasses.asdict(self)
+        del values["best"]
+        return {**values, **{f"best/{name}": value for name, value in self.best.items()}}
+
+
+def write_summary(folder: Path, summary: RunSummary) -> None:
+    """Write a run's summary at one stroke.
+
+    Raises:
+        StorageError: the disk refuses it.
+    """
+    replace_text(folder / SUMMARY_FILE, to_json(dataclasses.asdict(summary)))
+
+
+def read_summaries(runs: Path) -> list[RunSummary]:
+    """Return the summaries of all runs in a folder, by name; runs of earlier releases have none and are left out.
+
+    Raises:
+        CheckpointError: there is no run with a summary, or one is damaged.
+    """
+    found = []
+    for path in sorted(runs.glob(f"[!.]*/{SUMMARY_FILE}")):
+        try:
+            found.append(RunSummary(**json.loads(path.read_text("utf-8"))))
+        except (OSError, ValueError, TypeError) as error:
+            raise CheckpointError(
+                f"{path} cannot be read ({error}): delete it, the next checkpoint writes it again"
+            ) from error
+    if not found:
+        raise CheckpointError(f"there is no run with a {SUMMARY_FILE} in {runs}: a checkpoint writes one")
+    return found
