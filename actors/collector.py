@@ -14,8 +14,8 @@ from actors.arena import Arena, Stage
 from actors.driver import Driver, ExpertDriver, PolicyDriver
 from actors.episode import Role, run_episode
 from actors.maps.sources import recommended
-from actors.recorder import Recorder
 from actors.simulators.factory import make_simulator, simulator_label
+from actors.transition_recorder import TransitionRecorder
 from common.config.schema import MappingConfig, RunConfig
 from common.errors import MapError
 from common.messages.experience import Chunk, EpisodeReport
@@ -84,7 +84,7 @@ class Collector:
             for place, arena in enumerate(self._arenas):
                 self.worlds += [(arena, number) for number in arena.fixed_numbers(each + (place < over))]
         self._classical: dict[int, float] = {}
-        self._recorder = Recorder(config.actor.chunk_steps, deliver)
+        self._recorder = TransitionRecorder(config.actor.chunk_steps, deliver)
         self._policy_driver = PolicyDriver(self.policy, self._rng, greedy=evaluate)
         self._expert_driver = ExpertDriver()
 
@@ -157,7 +157,7 @@ class Collector:
         driver: Driver,
         seed: int,
         keep_on: Callable[[], bool],
-        recorder: Recorder | None,
+        recorder: TransitionRecorder | None,
         label: bool,
         classical: float = 0.0,
     ) -> EpisodeReport | None:

@@ -87,9 +87,9 @@ class ExpertDriver:
 
     def choose(self, observation: Observation, environment: Environment) -> Choice:
         """Ask the environment's expert; an expert without a beacon gets the nearest one."""
-        judgement = environment.judgement()
-        waypoint = int(observation.waypoint_nodes()[int(np.argmin(judgement.cost))])
-        beacon = judgement.beacon if judgement.beacon >= 0 else nearest_beacon(observation)
+        expert_label = environment.expert_label()
+        waypoint = int(observation.waypoint_nodes()[int(np.argmin(expert_label.cost))])
+        beacon = expert_label.beacon if expert_label.beacon >= 0 else nearest_beacon(observation)
         return Choice(beacon, waypoint, NO_VERSION)
 
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from actors.expert import Expert, Judgement
+from actors.expert import Expert, ExpertLabel
 from actors.maps.grid_map import GridMap
 from actors.rewards import StepOutcome, step_reward
 from actors.simulators.base import Leg, Simulator
@@ -159,7 +159,7 @@ class Environment:
         self.steps = self.collisions = 0
         self.distance = self.total_reward = self.mapping_seconds = 0.0
         self._blocked_in_row = 0
-        self._judgement: Judgement | None = None
+        self._expert_label: ExpertLabel | None = None
         self._expert_knows = False
         self._on_lattice = on_lattice
         self.end, self.reason = End.NONE, ""
@@ -231,7 +231,7 @@ class Environment:
             self._go_to_viewpoint(self.mapper.observe())
         self._blocked_in_row = self._blocked_in_row + 1 if blocked else 0
         self.steps += 1
-        self._judgement = None
+        self._expert_label = None
         if not self.mapper.stuck:
             self._observation = self.mapper.observe()
         self._settle()
@@ -254,7 +254,7 @@ class Environment:
         """The task is complete."""
         return self.reason == "complete"
 
-    def judgement(self) -> Judgement:
+    def expert_label(self) -> ExpertLabel:
         """Return the privileged expert's view of the present decision, worked out at most once.
 
         Raises:
@@ -266,13 +266,13 @@ class Environment:
             # Preparing takes as long as dozens of decisions, so it waits until somebody asks.
             self._expert.reset(self.world)
             self._expert_knows = True
-        if self._judgement is None:
-            self._judgement = self._expert.judge(self._observation, self.mapper.viewpoints, self.pose, self.coverage)
-        return self._judgement
+        if self._expert_label is None:
+            self._expert_label = self._expert.label(self._observation, self.mapper.viewpoints, self.pose, self.coverage)
+        return self._expert_label
 
     def remaining(self) -> float:
         """Return T(s): metres that the expert's route still takes, 0 when the task is complete."""
-        return 0.0 if self.success else self.judgement().remaining
+        return 0.0 if self.success else self.expert_label().remaining
 
     def _remaining_after(self, before: float) -> float:
         """Return T(s'). A failure leaves the goal as far as it was: the travelled distance is lost."""
@@ -396,9 +396,3 @@ class Environment:
 
 def _shown(position: tuple[float, float]) -> str:
     return f"({position[0]:.2f}, {position[1]:.2f})"
-
-
-def route_length(positions: list[tuple[float, float]]) -> float:
-    """Length of a route in metres, for recounts of `Environment.positions`."""
-    points = np.array(positions, dtype=np.float64)
-    return float(np.hypot(*np.diff(points, axis=0).T).sum()) if len(points) > 1 else 0.0

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from actors.driver import Driver
 from actors.environment import Environment
 from actors.maps.grid_map import GridMap
-from actors.recorder import Recorder
+from actors.transition_recorder import TransitionRecorder
 from common.messages.experience import End, EpisodeReport
 from common.printable import printable
 
@@ -34,7 +34,7 @@ def run_episode(
     role: Role,
     *,
     seed: int,
-    recorder: Recorder | None = None,
+    recorder: TransitionRecorder | None = None,
     label: bool = False,
     family: int = 0,
     keep_on: Callable[[], bool] = lambda: True,
@@ -65,11 +65,11 @@ def run_episode(
             if recorder is not None:
                 recorder.flush()
             return None
-        judgement = environment.judgement() if label else None
+        expert_label = environment.expert_label() if label else None
         choice = driver.choose(observation, environment)
         step = environment.step(choice.beacon, choice.waypoint)
         if recorder is not None:
-            recorder.add(observation, choice, judgement, step)
+            recorder.add(observation, choice, expert_label, step)
         observation = step.observation
     return EpisodeReport(
         task=environment.goal.task.name,

@@ -6,24 +6,22 @@ Started by the supervisor as ``python -m actors.process OPTIONS``, the options b
 
 from __future__ import annotations
 
-import ctypes
 import logging
 import os
 import signal
 import sys
 import threading
-from types import FrameType
 
 from actors.options import ActorOptions
 from common.errors import HDError
 from common.logs import setup_logging
+from common.signals import on_signals, terminate_with_parent
 
 log = logging.getLogger(__name__)
 
 EXIT_CRASH = 1
 EXIT_UNUSABLE = 3
 
-_PR_SET_PDEATHSIG = 1
 _PARENT_POLL_SECONDS = 0.5
 
 
@@ -33,8 +31,7 @@ def follow_parent(parent: int, stop: threading.Event) -> None:
     Linux is asked for a SIGTERM; a thread looks after the parent's number everywhere, and ends the process outright
     when a stop in good order takes longer than three seconds.
     """
-    if sys.platform.startswith("linux"):
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    terminate_with_parent()
 
     def watch() -> None:
         while os.getppid() == parent:
@@ -54,13 +51,11 @@ def main(arguments: list[str] | None = None) -> int:
     options = ActorOptions.model_validate_json(given[0])
     setup_logging(options.log_level)
     stop = threading.Event()
+    with on_signals(lambda _: stop.set(), signal.SIGINT, signal.SIGTERM):
+        return _run(options, stop)
 
-    def on_signal(number: int, frame: FrameType | None) -> None:
-        del number, frame
-        stop.set()
 
-    signal.signal(signal.SIGTERM, on_signal)
-    signal.signal(signal.SIGINT, on_signal)
+def _run(options: ActorOptions, stop: threading.Event) -> int:
     if options.parent:
         follow_parent(options.parent, stop)
     # Imported late: signals and the parent are looked after while numba and the simulator load.

@@ -10,13 +10,13 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
-from types import FrameType
 
 from actors.options import ActorOptions
 from actors.process import EXIT_UNUSABLE
 from common.printable import printable
 from common.reaper import Reaper
 from common.runtime import process_environment, python_module
+from common.signals import on_signals
 from common.threads import guarded
 
 log = logging.getLogger(__name__)
@@ -90,26 +90,27 @@ class Supervisor:
 
     def run(self) -> int:
         """Run until SIGINT or SIGTERM; return the exit code: 0 when told to stop, 1 when an actor is unusable."""
-        before = {number: signal.signal(number, self._on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            for child in self._children:
-                child.start(self._reaper.group())
-            while not self._stopping:
-                if any(self._watch(child) for child in self._children):
-                    return 1
-                if all(child.process is None and child.due == float("inf") for child in self._children):
-                    return 0
-                time.sleep(POLL_SECONDS)
-            log.info("stopping %d actors", len(self._children))
-            return 0
-        finally:
-            self._stop_all()
-            self._reaper.close()
-            for number, handler in before.items():
-                signal.signal(number, handler)
+        with on_signals(self._on_signal, signal.SIGINT, signal.SIGTERM):
+            try:
+                return self._run()
+            finally:
+                self._stop_all()
+                self._reaper.close()
 
-    def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        del number, frame
+    def _run(self) -> int:
+        for child in self._children:
+            child.start(self._reaper.group())
+        while not self._stopping:
+            if any(self._watch(child) for child in self._children):
+                return 1
+            if all(child.process is None and child.due == float("inf") for child in self._children):
+                return 0
+            time.sleep(POLL_SECONDS)
+        log.info("stopping %d actors", len(self._children))
+        return 0
+
+    def _on_signal(self, number: signal.Signals) -> None:
+        del number
         self._stopping += 1
 
     def _watch(self, child: _Child) -> bool:

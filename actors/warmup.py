@@ -19,9 +19,9 @@ from actors.maps.files import warm_up as warm_up_files
 from actors.maps.generators import make_generator
 from actors.maps.generators import warm_up as warm_up_generators
 from actors.process import follow_parent
-from actors.recorder import Recorder
 from actors.simulators.factory import make_simulator
 from actors.tasks import make_goal
+from actors.transition_recorder import TransitionRecorder
 from common.config.schema import MappingConfig, NetworkConfig, RewardConfig, SimulatorConfig, TaskConfig
 from common.jit import forget_old_caches
 from common.mapping.warmup import warm_up as warm_up_mapping
@@ -50,7 +50,7 @@ def warm_up(network: NetworkConfig) -> None:
     simulator = make_simulator(SimulatorConfig(name="grid", rays=180), mapping.sensor_range)
     world = make_generator("rooms", {"width": "320", "height": "240"}).world(0, 0.25)
     policy = Policy.from_config(network)
-    recorder = Recorder(4, _encode)
+    recorder = TransitionRecorder(4, _encode)
     for kind in BOTH:
         task = TaskConfig(name=kind.name)
         reward = RewardConfig(kind="potential")

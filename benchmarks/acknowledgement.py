@@ -24,8 +24,8 @@ from common.config.schema import BusConfig, RunConfig
 from common.messages.experience import Delivery
 from common.messages.schema import encode
 from learner.ingest import Ingest
-from learner.ratio import RatioKeeper
-from learner.replay.buffer import Replay
+from learner.rate_limiter import RateLimiter
+from learner.replay.buffer import ReplayBuffer
 from learner.run.episodes import EpisodeLog
 from learner.run.group_commit import GroupCommit
 from learner.run.journal import Journal
@@ -61,12 +61,12 @@ def _learner(interval: float | None) -> Iterator[BusConfig]:
     config = RunConfig(bus=bus)
     with tempfile.TemporaryDirectory(dir=Path.cwd(), prefix=".bench-") as name, contextlib.ExitStack() as stack:
         folder = Path(name)
-        replay = Replay(config.replay.capacity, config.replay.max_bytes)
+        replay = ReplayBuffer(config.replay.capacity, config.replay.max_bytes)
         journal = stack.enter_context(Journal(folder / "journal"))
         commit = stack.enter_context(GroupCommit(journal, interval or config.journal.sync_seconds))
         episodes = EpisodeLog(folder / "episodes.jsonl")
         stack.callback(episodes.close)
-        ingest = Ingest(config, replay, RatioKeeper(1.0, 10**9, 1), journal, episodes)
+        ingest = Ingest(config, replay, RateLimiter(1.0, 10**9, 1), journal, episodes)
         session = stack.enter_context(open_learner_session(bus))
         when = None if interval is None else commit.when_synced
         server = ExperienceServer(session, RUN, new_incarnation(), ingest.store, when_durable=when)

@@ -90,7 +90,7 @@ class Stages:
         self._wrap(simulator, "drive_to", "drive")
         self._wrap(simulator, "scan", "scan")
         self._wrap(environment, "_sense", "mapping")
-        self._wrap(environment, "judgement", "expert")
+        self._wrap(environment, "expert_label", "expert")
         self._wrap(collector._source, "draw", "world")
 
     def _wrap(self, owner: object, name: str, stage: str) -> None:

@@ -8,7 +8,7 @@ from actors.collector import Collector
 from common.config.schema import NetworkConfig, RunConfig
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from learner.algorithm.batch import TransitionBatch
-from learner.replay.buffer import Replay
+from learner.replay.buffer import ReplayBuffer
 
 EPISODES = 12
 
@@ -24,7 +24,7 @@ def real_transitions(count: int, episodes: int = EPISODES) -> TransitionBatch:
             "cloning": {"updates": 1, "expert_episodes": 1.0},
         }
     )
-    replay = Replay(capacity=20_000, max_bytes=200_000_000)
+    replay = ReplayBuffer(capacity=20_000, max_bytes=200_000_000)
     sequence = 0
 
     def store(body: Chunk | EpisodeReport) -> None:

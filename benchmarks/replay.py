@@ -15,11 +15,10 @@ import numpy as np
 from common.messages.experience import Chunk, Delivery, End
 from common.messages.schema import decode, encode
 from common.observation import Observation, ObservationBatch
-from learner.replay.buffer import Replay
+from learner.replay.buffer import ReplayBuffer
 from tests.observations import random_observation
 
 STEPS = 16
-MEAN_VIEWPOINTS = 185
 BATCH = 64
 
 
@@ -58,11 +57,11 @@ def _chunk(rng: np.random.Generator, episode: int, first: int, held: list[Observ
 def run(capacity: int = 100_000) -> dict[str, float]:
     """Measure a buffer that is filled to its capacity and on until it turns over."""
     made = deliveries(64)
-    warm_up = Replay(capacity=1000, max_bytes=30_000_000)
+    warm_up = ReplayBuffer(capacity=1000, max_bytes=30_000_000)
     warm_up.add(made[0])
     warm_up.sample(BATCH, np.random.default_rng(0))
     before = _resident()
-    replay = Replay(capacity=capacity, max_bytes=500_000_000)
+    replay = ReplayBuffer(capacity=capacity, max_bytes=500_000_000)
     chunks = int(1.3 * capacity / STEPS)
     began = time.perf_counter()
     for number in range(chunks):

@@ -29,7 +29,7 @@ from common.policy import Policy
 from common.policy_file import PolicyCard
 from deploy.bridge.decision import DecisionLoop
 from deploy.bridge.mission import Mission
-from deploy.bridge.team import make_team, with_planning_set
+from deploy.bridge.planner_selector import make_planners, with_planning_set
 from deploy.bridge.warmup import warm_up
 from deploy.config import DeployConfig
 from deploy.mapping.robot_map import RobotMap
@@ -64,11 +64,13 @@ def measure(config: DeployConfig, planner: Planner | None, world_source: str, se
     """Drive and return (viewpoints, refresh and plan in s, passes without a decision: refresh in s) per pass."""
     world = open_sources([world_source], 0.25, "exploration").world(0)
     mission, health = Mission("exploration"), HealthMonitor(config.safety)
-    team = make_team(config, planner)
-    robot_map = RobotMap(with_planning_set(config, team))
-    warm_up(config, team.members("exploration"))
+    planners = make_planners(config, planner)
+    robot_map = RobotMap(with_planning_set(config, planners))
+    warm_up(config, planners.members("exploration"))
     now = 1000.0
-    loop = DecisionLoop(config, robot_map, team, mission, health, clock=lambda: now)
+    loop = DecisionLoop(
+        config.decision, config.mapping, config.safety, robot_map, planners, mission, health, clock=lambda: now
+    )
     simulator = GridSimulator(SimulatorConfig(name="grid", rays=720, range_noise=0.02), config.mapping.sensor_range)
     pose = simulator.reset(world, 0)
     mission.start()

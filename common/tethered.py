@@ -6,21 +6,18 @@ command. The request survives the exchange of the program.
 
 from __future__ import annotations
 
-import ctypes
 import os
-import signal
 import sys
 
-_PR_SET_PDEATHSIG = 1
+from common.signals import terminate_with_parent
 
 
 def main(arguments: list[str]) -> None:
     """Tie this process to its parent and become the command."""
     parent, *command = arguments
-    if sys.platform.startswith("linux"):
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-        if os.getppid() != int(parent):  # it died before we asked
-            return
+    terminate_with_parent()
+    if os.getppid() != int(parent):  # it died before we asked
+        return
     os.execv(command[0], command)
 
 

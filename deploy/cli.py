@@ -20,7 +20,7 @@ from common.config.describe import to_markdown, to_toml
 from common.errors import BusError, ConfigError
 from common.logs import setup_logging
 from common.tasks import NAVIGATION, find_task
-from deploy.bridge.words import CommandError, parse, release_of
+from deploy.bridge.command_text import CommandError, parse, release_of
 from deploy.config import DeployConfig
 from deploy.profiles import DEPLOY, load_deploy_config
 from deploy.recording.cli import app as recording_app

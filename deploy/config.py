@@ -61,7 +61,7 @@ class SensingConfig(Section):
     """Values of an OccupancyGrid from here on are occupied."""
     grid_free: Annotated[int, Field(ge=0, le=99)] = 25
     """Values of an OccupancyGrid up to here are free; between the two they are unknown."""
-    pocket: NonNegative = 1.0
+    hole_area: NonNegative = 1.0
     """In exploration, an unknown area that known cells enclose and that is no larger counts as an obstacle and not as
     something to explore, square metres; 0 for none."""
     octomap: bool = False
@@ -217,7 +217,7 @@ class SafetyConfig(Section):
     turn_limit: Positive = 3.0
     """The watchdog never lets more through, rad/s."""
     geofence: tuple[Point, ...] = ()
-    """Polygon (x, y in the map frame) that the robot must not leave; empty for none."""
+    """Polygon (x, y in the map frame) that the robot must not leave with any part of its footprint; empty for none."""
     joy_deadband: Fraction = 0.1
     """A stick axis moved beyond this takes over."""
     joy_axes: tuple[Annotated[int, Field(ge=0)], ...] = (0, 1, 3, 4)
@@ -253,7 +253,7 @@ class RobotMappingConfig(MappingConfig):
 
 
 class DeployConfig(Section):
-    """A whole bridge."""
+    """A whole bridge: for what puts its parts together. A part takes the sections that it reads."""
 
     name: str = ""
     """Name of the robot: its prefix on the bus for commands (`hd/<name>/control`); letters a-z, digits, dashes. When

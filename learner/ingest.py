@@ -21,8 +21,8 @@ from common.errors import CheckpointError, MessageError, RefusedError
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.messages.schema import decode, describe_delivery, encode
 from learner.quarantine import Quarantine
-from learner.ratio import RatioKeeper
-from learner.replay.buffer import Replay
+from learner.rate_limiter import RateLimiter
+from learner.replay.buffer import ReplayBuffer
 from learner.run.episodes import EpisodeLog, group_of
 from learner.run.journal import Journal
 from learner.run.records import RecordKind
@@ -64,7 +64,7 @@ class Ingest:
     Args:
         config: of the run.
         replay: the replay buffer.
-        keeper: counts steps and tells how long actors should pause.
+        limiter: counts steps and tells how long actors should pause.
         journal: of the run.
         episodes: of the run.
         evaluators: hosts whose evaluators count besides those of `learner.evaluators`: those that the learner starts.
@@ -73,14 +73,14 @@ class Ingest:
     def __init__(
         self,
         config: RunConfig,
-        replay: Replay,
-        keeper: RatioKeeper,
+        replay: ReplayBuffer,
+        limiter: RateLimiter,
         journal: Journal,
         episodes: EpisodeLog,
         evaluators: Sequence[str] = (),
     ) -> None:
         self.replay = replay
-        self.keeper = keeper
+        self.limiter = limiter
         self.episodes = episodes
         self.means = Means()
         self.steps_rate = RateMeter()
@@ -134,7 +134,7 @@ class Ingest:
                 self._note_actor(delivery)
         with self._arrival:
             self._arrival.notify_all()
-        return self.keeper.hold()
+        return self.limiter.hold()
 
     def wait(self, ready: Callable[[], bool], timeout: float) -> bool:
         """Wait until ``ready`` holds, looking again with every delivery; return whether it does."""
@@ -186,7 +186,7 @@ class Ingest:
             self._seen.tidy()
             return {
                 "segment": self._journal.rotate(),
-                "steps": self.keeper.steps,
+                "steps": self.limiter.steps,
                 "episodes": self.episode_count,
                 "episodes_length": self.episodes.length,
                 "version": self.version,
@@ -222,7 +222,7 @@ class Ingest:
         """
         began = time.monotonic()
         place = int(snapshot["segment"])
-        self.keeper.restore(int(snapshot["steps"]), updates)
+        self.limiter.restore(int(snapshot["steps"]), updates)
         self.episode_count = int(snapshot["episodes"])
         self.version = int(snapshot["version"])
         self._seen.restore(snapshot["seen"])
@@ -245,7 +245,7 @@ class Ingest:
         if self.poisoned:
             logger.error("%d messages of the journal are not what is taken today, and were set aside", self.poisoned)
         fresh_from = 0 if self._keep_replay and len(self.replay) else int(snapshot["steps"])
-        self.keeper.restore(self.keeper.steps, updates, len(self.replay), fresh_from)
+        self.limiter.restore(self.limiter.steps, updates, len(self.replay), fresh_from)
         logger.info(
             "read the journal in %.1f s: %d transitions in the replay buffer, %d deliveries newer than the checkpoint",
             time.monotonic() - began,
@@ -297,7 +297,7 @@ class Ingest:
     def _take(self, delivery: Delivery, segment: int) -> None:
         """Count a new delivery and keep what it holds."""
         steps = self._fill(delivery, segment)
-        self.keeper.note_steps(steps, len(self.replay))
+        self.limiter.note_steps(steps, len(self.replay))
         if isinstance(delivery.body, EpisodeReport):
             self._note_episode(delivery, delivery.body)
         self._seen.add(delivery.actor, delivery.incarnation, delivery.sequence)
@@ -328,8 +328,8 @@ class Ingest:
             report,
             time=round(time.time(), 3),
             actor=delivery.actor,
-            collected=self.keeper.steps,
-            updates=self.keeper.updates,
+            collected=self.limiter.steps,
+            updates=self.limiter.updates,
         )
         if group_of(report) == "evaluate":
             self.evaluated_at = time.monotonic()

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import signal
-from collections.abc import Iterator
 from dataclasses import dataclass
-from types import FrameType
 
 import zenoh
 from rich.console import Console
@@ -26,6 +23,7 @@ from common.errors import BusError
 from common.messages.replies import Spec
 from common.messages.weights import Weights
 from common.runtime import cores_left, limit_threads
+from common.signals import stopping_signals
 from common.threads import Ticker
 from learner.algorithm.base import PublishedVersion
 from learner.algorithm.device import choose_device
@@ -156,10 +154,10 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
         for local in _local_actors(run, companions):
             stack.enter_context(local)
         stack.enter_context(View(link.status, console))
-        with stop_signals(trainer):
+        with stopping_signals(trainer.stop, lambda: trainer.stopping):
             train(trainer)
         words = "is complete" if trainer.complete else "was stopped"
-        logger.info("run %s %s after %d updates", config.name, words, trainer.keeper.updates)
+        logger.info("run %s %s after %d updates", config.name, words, trainer.limiter.updates)
 
 
 def refuse_second_learner(session: zenoh.Session, config: RunConfig, learner: int) -> None:
@@ -195,21 +193,3 @@ def _local_actors(run: RunFolder, companions: Companions) -> list[LocalActors]:
         options = ["--evaluate", *options]
         started.append(LocalActors(bus, name, companions.evaluators, LOCAL, options))
     return started
-
-
-@contextlib.contextmanager
-def stop_signals(trainer: Trainer) -> Iterator[None]:
-    """Let SIGINT and SIGTERM stop training in order; a second SIGINT interrupts at once."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        del frame
-        if trainer.stopping and number == signal.SIGINT:
-            raise KeyboardInterrupt
-        trainer.stop()
-
-    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

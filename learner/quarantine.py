@@ -11,7 +11,7 @@ from typing import Any
 from common.errors import CheckpointError, HDError
 from learner.algorithm.base import NotFiniteError
 from learner.algorithm.batch import TransitionBatch
-from learner.replay.buffer import Replay, Source
+from learner.replay.buffer import ReplayBuffer, Source
 
 logger = logging.getLogger(__name__)
 
@@ -32,7 +32,7 @@ class Quarantine:
         replay: the replay buffer.
     """
 
-    def __init__(self, replay: Replay) -> None:
+    def __init__(self, replay: ReplayBuffer) -> None:
         self._replay = replay
         self._lock = threading.Lock()
         self._aside: OrderedDict[Source, None] = OrderedDict()

@@ -15,11 +15,11 @@ from actors.collector import Collector
 from common.errors import StorageError
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.runtime import limit_threads
+from common.signals import stopping_signals
 from learner.algorithm.base import Algorithm, PublishedVersion
 from learner.algorithm.device import choose_device
 from learner.algorithm.factory import make_learner
 from learner.loop import train
-from learner.process import stop_signals
 from learner.run.folder import RunFolder
 from learner.trainer import Trainer
 from learner.watch.report import Reporter
@@ -45,7 +45,7 @@ class SerialTrainer(Trainer):
 
         The steps behind it tell a resumed actor from the one before it: other worlds, other sequence numbers.
         """
-        self._incarnation = self.keeper.steps
+        self._incarnation = self.limiter.steps
         self._collector = Collector(self.config, [self.config.seed, self._incarnation], self._deliver)
 
     def data_is_ready(self) -> bool:
@@ -105,7 +105,7 @@ def run_serial(run: RunFolder, console: Console, *, resume: bool) -> None:
         trainer.collect_here()
         reporter = Reporter(trainer, str(algorithm.device))
         stack.enter_context(View(reporter.status, console))
-        with stop_signals(trainer):
+        with stopping_signals(trainer.stop, lambda: trainer.stopping):
             train(trainer)
         words = "is complete" if trainer.complete else "was stopped"
-        logger.info("run %s %s after %d updates", config.name, words, trainer.keeper.updates)
+        logger.info("run %s %s after %d updates", config.name, words, trainer.limiter.updates)

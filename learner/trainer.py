@@ -19,8 +19,8 @@ from common.policy_file import PolicyCard, portable_sources, read_weights
 from learner.algorithm.base import Algorithm, NotFiniteError, PublishedVersion
 from learner.algorithm.batch import TransitionBatch
 from learner.ingest import Ingest
-from learner.ratio import RatioKeeper
-from learner.replay.buffer import Replay
+from learner.rate_limiter import RateLimiter
+from learner.replay.buffer import ReplayBuffer
 from learner.replay.draw import draw_batch
 from learner.run.best import BestPolicy
 from learner.run.checkpoints import CheckpointStore
@@ -31,8 +31,8 @@ from learner.run.folder import RunFolder, has_begun
 from learner.run.group_commit import GroupCommit
 from learner.run.journal import Journal
 from learner.run.summary import RunSummary, write_summary
+from learner.watch.curve_recorder import LOG_EVERY, CurveRecorder
 from learner.watch.evaluation import Round
-from learner.watch.recorder import LOG_EVERY, Recorder
 from learner.watch.writers import make_writers
 
 logger = logging.getLogger(__name__)
@@ -69,8 +69,8 @@ class Trainer:
         self.algorithm = algorithm
         self._publish = publish
         self._evaluators = tuple(evaluators)
-        self.replay = Replay(config.replay.capacity, config.replay.max_bytes)
-        self.keeper = RatioKeeper(
+        self.replay = ReplayBuffer(config.replay.capacity, config.replay.max_bytes)
+        self.limiter = RateLimiter(
             config.learner.updates_per_step, config.learner.ratio_tolerance, config.replay.min_steps
         )
         self.disk = DiskWatch(run.path)
@@ -95,7 +95,7 @@ class Trainer:
         self._evaluated = -1
         self.waiting = False
         self.ingest: Ingest
-        self.recorder: Recorder
+        self.recorder: CurveRecorder
 
     # --- beginning and end -------------------------------------------------------------------------------------
 
@@ -155,7 +155,7 @@ class Trainer:
             self.config.name,
             checkpoint.name,
             updates,
-            self.keeper.steps,
+            self.limiter.steps,
             self.ingest.episode_count,
         )
 
@@ -169,9 +169,9 @@ class Trainer:
 
     def _open_records(self, episodes_length: int, updates: int) -> None:
         episodes = EpisodeLog(self.run.episodes, episodes_length, self.disk)
-        self.ingest = Ingest(self.config, self.replay, self.keeper, self._journal, episodes, self._evaluators)
+        self.ingest = Ingest(self.config, self.replay, self.limiter, self._journal, episodes, self._evaluators)
         writers = make_writers(self.run.path, self.config)
-        self.recorder = Recorder(self.run.tensorboard, self.ingest, updates, self.disk, writers)
+        self.recorder = CurveRecorder(self.run.tensorboard, self.ingest, updates, self.disk, writers)
 
     # --- the stages of the loop --------------------------------------------------------------------------------
 
@@ -183,7 +183,7 @@ class Trainer:
     @property
     def complete(self) -> bool:
         """Whether all updates of the run are made."""
-        return self.keeper.updates >= self.config.learner.total_updates
+        return self.limiter.updates >= self.config.learner.total_updates
 
     def data_is_ready(self) -> bool:
         """Wait a moment for the data and the ratio that the next update needs; return whether they are there.
@@ -212,10 +212,10 @@ class Trainer:
         try:
             figures = self.algorithm.update(batch)
         except NotFiniteError as error:
-            self.ingest.quarantine.take(batch, error, self.keeper.updates + 1)
+            self.ingest.quarantine.take(batch, error, self.limiter.updates + 1)
             return False
         self.ingest.quarantine.note_sound()
-        self.keeper.note_update()
+        self.limiter.note_update()
         self.recorder.note_update(figures)
         self.recorder.note("time/update_ms", 1e3 * (time.perf_counter() - began))
         return True
@@ -229,7 +229,7 @@ class Trainer:
             self._unpublished = True
             return
         self._unpublished = False
-        updates = self.keeper.updates
+        updates = self.limiter.updates
         averaged = self.algorithm.policy_weights(averaged=True) if self.config.learner.average_decay else None
         published = PublishedVersion(version, updates, self.algorithm.policy_weights(averaged=False), averaged)
         acting = published.weights if averaged is None else averaged
@@ -241,12 +241,12 @@ class Trainer:
 
     def publish_if_due(self) -> None:
         """Publish every `learner.publish_every` updates, and the last."""
-        if self.keeper.updates % self.config.learner.publish_every == 0 or self.complete:
+        if self.limiter.updates % self.config.learner.publish_every == 0 or self.complete:
             self.publish()
 
     def record_if_due(self) -> None:
         """Write a point of each curve every few updates."""
-        if self.keeper.updates % LOG_EVERY == 0 or self.complete:
+        if self.limiter.updates % LOG_EVERY == 0 or self.complete:
             self.recorder.write()
 
     def serve(self) -> None:
@@ -290,7 +290,7 @@ class Trainer:
         began = time.monotonic()
         snapshot = self.ingest.snapshot()
         self.ingest.sync()
-        updates = self.keeper.updates
+        updates = self.limiter.updates
         tensors, document = self.algorithm.state()
         for_export = self.algorithm.policy_weights(averaged=bool(self.config.learner.average_decay))
         card = asdict(self.card(snapshot["version"], updates))
@@ -339,11 +339,11 @@ class Trainer:
 
     def pause(self) -> None:
         """Make no more updates, and let the actors wait, until `unpause`."""
-        self.keeper.paused = True
+        self.limiter.paused = True
 
     def unpause(self) -> None:
         """Go on after `pause`."""
-        self.keeper.paused = False
+        self.limiter.paused = False
         self._wake()
 
     def request_checkpoint(self, timeout: float) -> bool:
@@ -358,7 +358,7 @@ class Trainer:
     @property
     def cloning(self) -> bool:
         """Whether the next update only imitates the expert."""
-        return self.keeper.updates < self.config.cloning.updates
+        return self.limiter.updates < self.config.cloning.updates
 
     @property
     def state(self) -> str:
@@ -369,10 +369,10 @@ class Trainer:
             return "stopping"
         if self.disk.full:
             return "disk full"
-        if self.keeper.paused:
+        if self.limiter.paused:
             return "paused"
         if self.waiting:
-            return "waiting" if self.keeper.updates else "collecting"
+            return "waiting" if self.limiter.updates else "collecting"
         return "cloning" if self.cloning else "training"
 
     @property
@@ -399,7 +399,7 @@ class Trainer:
             mapping=self.config.mapping,
             version=version,
             updates=updates,
-            steps=self.keeper.steps,
+            steps=self.limiter.steps,
             averaged=bool(self.config.learner.average_decay),
             commit=self._commit,
             created=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
@@ -417,9 +417,9 @@ class Trainer:
             state=self.state,
             task=self.config.task_name,
             algorithm=self.config.algorithm,
-            updates=self.keeper.updates,
+            updates=self.limiter.updates,
             total_updates=self.config.learner.total_updates,
-            steps=self.keeper.steps,
+            steps=self.limiter.steps,
             episodes=self.ingest.episode_count,
             hours=round((self._earlier_seconds + self.uptime) / 3600.0, 3),
             best_version=self.best.version,
@@ -449,7 +449,7 @@ class Trainer:
                 pass
 
     def _may_learn(self) -> bool:
-        if self._stop.is_set() or not self.keeper.may_update():
+        if self._stop.is_set() or not self.limiter.may_update():
             return False
         if self.cloning and not self.replay.labelled:
             if not self._warned_unlabelled:
@@ -473,7 +473,7 @@ class Trainer:
             self.ingest.wake()
 
     def _has_news(self) -> bool:
-        return (self.keeper.updates, self.keeper.steps) != self._checkpointed
+        return (self.limiter.updates, self.limiter.steps) != self._checkpointed
 
     def _schedule_checkpoint(self) -> None:
         self._checkpoint_at = time.monotonic() + self.config.checkpoints.every_seconds

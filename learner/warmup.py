@@ -16,7 +16,7 @@ from common.messages.experience import Chunk, Delivery, End, ExpertLabels
 from common.messages.schema import decode, encode
 from common.observation import STEP_UNITS, Observation, ObservationBatch
 from learner.algorithm.factory import make_learner
-from learner.replay.buffer import Replay
+from learner.replay.buffer import ReplayBuffer
 from learner.replay.draw import draw_batch
 
 logger = logging.getLogger(__name__)
@@ -31,7 +31,7 @@ def warm_up(config: RunConfig, device: torch.device) -> None:
     """
     began = time.monotonic()
     logger.info("preparing the kernels; a fresh installation takes a minute for it")
-    replay = Replay(capacity=1_000, max_bytes=30_000_000)
+    replay = ReplayBuffer(capacity=1_000, max_bytes=30_000_000)
     replay.add(decode(encode(Delivery("warm-up", 0, 0, _chunk())), Delivery))
     rng = np.random.default_rng(0)
     once = {"updates": 1, "anchor_weight": 0.1}

@@ -5,12 +5,12 @@ from __future__ import annotations
 import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from types import FrameType
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 
 from common.progress import Steps, tell_of_kernels
+from common.signals import on_signals
 
 if TYPE_CHECKING:
     from actors.evaluation.runner import Evaluation
@@ -75,15 +75,12 @@ def termination_interrupts() -> Iterator[None]:
     """Let the first SIGTERM raise a KeyboardInterrupt within the `with`; later ones do not disturb what it causes."""
     told = False
 
-    def on_signal(number: int, frame: FrameType | None) -> None:
+    def interrupt(number: signal.Signals) -> None:
         nonlocal told
-        del number, frame
+        del number
         if not told:
             told = True
             raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, on_signal)
-    try:
+    with on_signals(interrupt, signal.SIGTERM):
         yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

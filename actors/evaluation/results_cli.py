@@ -218,7 +218,7 @@ def replay(
 
     - `hd-eval replay results/greedy.json --maps generator:rooms --limit 20`
     """
-    from actors.evaluation.replay import recount
+    from actors.evaluation.recount import recount
 
     found = collect_results(results)
     settings, worlds = settings_of(found[0], maps, limit, config, overrides, start, target)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import cast
 
-from actors.expert.base import Expert, Judgement
+from actors.expert.base import Expert, ExpertLabel
 from actors.expert.exploration import ExplorationExpert
 from actors.expert.navigation import NavigationExpert
 from common.config.schema import MappingConfig, TaskConfig
 
-__all__ = ["Expert", "ExplorationExpert", "Judgement", "NavigationExpert", "make_expert"]
+__all__ = ["Expert", "ExpertLabel", "ExplorationExpert", "NavigationExpert", "make_expert"]
 
 
 def make_expert(task: TaskConfig, mapping: MappingConfig) -> Expert:

@@ -18,7 +18,7 @@ UNREACHABLE = 1000.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Judgement:
+class ExpertLabel:
     """An expert's view of one decision.
 
     Attributes:
@@ -41,8 +41,8 @@ class Expert(Protocol):
     Usage::
 
         expert.reset(world)
-        judgement = expert.judge(observation, mapper.viewpoints, pose, coverage)
-        waypoint = observation.waypoint_nodes()[judgement.cost.argmin()]
+        expert_label = expert.label(observation, mapper.viewpoints, pose, coverage)
+        waypoint = observation.waypoint_nodes()[expert_label.cost.argmin()]
     """
 
     def reset(self, world: GridMap) -> None:
@@ -53,13 +53,13 @@ class Expert(Protocol):
         """
         ...
 
-    def judge(
+    def label(
         self,
         observation: Observation,
         positions: NDArray[np.float64],
         pose: Pose,
         coverage: Coverage,
-    ) -> Judgement:
+    ) -> ExpertLabel:
         """Judge the choices of one observation.
 
         A viewpoint counts as the true one whose piece of clear space holds its place. While a lattice square is only

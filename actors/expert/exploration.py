@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from actors.expert.base import UNREACHABLE, Judgement, leg_lengths
+from actors.expert.base import UNREACHABLE, ExpertLabel, leg_lengths
 from actors.expert.true_graph import TrueGraph
 from actors.expert.visibility import fill_words, look_from_all
 from actors.maps.grid_map import GridMap
@@ -62,13 +62,13 @@ class ExplorationExpert:
         self._plan = NO_STOPS
         self._routes: dict[int, NDArray[np.int64]] = {}
 
-    def judge(
+    def label(
         self,
         observation: Observation,
         positions: NDArray[np.float64],
         pose: Pose,
         coverage: Coverage,
-    ) -> Judgement:
+    ) -> ExpertLabel:
         """Judge the choices of one observation (see `Expert.judge`)."""
         if self._world is None:
             raise HDError("the expert has no map yet: call reset(world) before judge()")
@@ -77,7 +77,7 @@ class ExplorationExpert:
         choices = true_nodes[waypoints]
         robot = int(true_nodes[observation.robot])
         if robot < 0 or len(coverage.unseen_cells) <= self._tolerance:
-            return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0, coverage.unseen_area)
+            return ExpertLabel(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0, coverage.unseen_area)
         # A visited viewpoint of a partly known square can lie where it sees other things than the true one.
         spacing = self._mapping.viewpoint_spacing
         there = np.hypot(*(positions - places).T) <= ON_VIEWPOINT * spacing
@@ -85,7 +85,7 @@ class ExplorationExpert:
         stops, allowed = self._tour(true_nodes[scanned], robot, coverage)
         if len(stops) == 0:
             # What is missing cannot be seen from any viewpoint: no choice is better than another.
-            return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0, coverage.unseen_area)
+            return ExpertLabel(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0, coverage.unseen_area)
         orders = np.zeros((len(choices), len(stops)), dtype=np.int64)
         sizes = np.zeros(len(choices), dtype=np.int64)
         sight = self._sight
@@ -98,12 +98,12 @@ class ExplorationExpert:
         best = int(np.argmin(total))
         remaining = float(total[best])
         if not np.isfinite(remaining):
-            return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, UNREACHABLE, coverage.unseen_area)
+            return ExpertLabel(np.zeros(len(waypoints), dtype=np.float32), -1, UNREACHABLE, coverage.unseen_area)
         self._plan = stops
         self._routes = {int(v): orders[c, : sizes[c]].copy() for c, v in enumerate(choices) if v >= 0}
         cost = np.minimum(total - remaining, UNREACHABLE).astype(np.float32)
         beacon = self._first_beacon(observation, true_nodes, int(choices[best]), stops, orders[best, : sizes[best]])
-        return Judgement(cost, beacon, remaining, coverage.unseen_area)
+        return ExpertLabel(cost, beacon, remaining, coverage.unseen_area)
 
     def _tour(
         self, scanned: NDArray[np.int64], robot: int, coverage: Coverage

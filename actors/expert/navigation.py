@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from actors.expert.base import UNREACHABLE, Judgement, leg_lengths
+from actors.expert.base import UNREACHABLE, ExpertLabel, leg_lengths
 from actors.expert.true_graph import TrueGraph
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
@@ -33,13 +33,13 @@ class NavigationExpert:
         self._graph = TrueGraph.build(world, self._mapping)
         self._to_target = self._graph.distances_to_target()
 
-    def judge(
+    def label(
         self,
         observation: Observation,
         positions: NDArray[np.float64],
         pose: Pose,
         coverage: Coverage,
-    ) -> Judgement:
+    ) -> ExpertLabel:
         """Judge the choices of one observation (see `Expert.judge`); what was seen does not matter."""
         del coverage
         if self._world is None or self._world.target is None:
@@ -53,9 +53,9 @@ class NavigationExpert:
         total = legs + to_target[waypoints]
         remaining = float(total.min())
         if not np.isfinite(remaining):
-            return Judgement(np.zeros(len(waypoints), dtype=np.float32), -1, UNREACHABLE)
+            return ExpertLabel(np.zeros(len(waypoints), dtype=np.float32), -1, UNREACHABLE)
         cost = np.minimum(total - remaining, UNREACHABLE).astype(np.float32)
-        return Judgement(cost, self._first_beacon(observation, true_nodes, to_target), remaining)
+        return ExpertLabel(cost, self._first_beacon(observation, true_nodes, to_target), remaining)
 
     def _first_beacon(
         self, observation: Observation, true_nodes: NDArray[np.int64], to_target: NDArray[np.float64]

@@ -11,8 +11,8 @@ from actors.simulators.wall_mesh import wall_faces, wall_tops
 from common.errors import ConfigError, SimulatorError
 
 TIME_STEP = 1.0 / 240.0
-# Collision groups; 2 is Bullet's own for static bodies.
-ROBOT_GROUP, WALL_GROUP, FLOOR_GROUP = 1, 2, 64
+# Collision groups; 2 is Bullet's own for static bodies, and the robot is in 1, that of all others.
+WALL_GROUP, FLOOR_GROUP = 2, 64
 # PyBullet takes at most 131,072 vertices per shape.
 _QUADS_PER_MESH = 32_000
 _LOWEST_WALL, _BELOW_FLOOR = 0.6, -0.1
@@ -54,11 +54,6 @@ class PhysicsWorld:
         self.floor = -1
         if gui:
             pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self.client)
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the physics server still runs."""
-        return self._open
 
     def load(self, world: GridMap) -> None:
         """Replace whatever is there by the walls and floor of a map.

@@ -25,6 +25,7 @@ from typing import Final
 
 from common.closing import Closing
 from common.runtime import allow_files, python_module
+from common.signals import ignore_signals
 from common.threads import Ticker
 
 log = logging.getLogger(__name__)
@@ -186,7 +187,7 @@ async def _serve(listening: socket.socket, ports: Sequence[int]) -> None:
 
 def main(arguments: Sequence[str]) -> None:
     """Keep the gate until the learner is gone or says so."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    ignore_signals(signal.SIGINT)
     allow_files(_MAX_FILES)
     number, *ports = (int(text) for text in arguments)
     asyncio.run(_serve(socket.socket(fileno=number), ports))

@@ -11,8 +11,16 @@ from numpy.typing import NDArray
 from common.errors import MappingError
 from common.geometry import Pose, Scan
 from common.jit import njit
-from common.mapping.raycast import CORNER_TOLERANCE, SUBCELL_BITS, SUBCELLS, ray_axis, ray_units
-from common.mapping.sight import FREE, OCCUPIED, OUTSIDE, UNKNOWN, Box
+from common.mapping.growing_grid import GrowingGrid
+from common.mapping.raycast import (
+    SUBCELL_BITS,
+    SUBCELLS,
+    cell_behind_border,
+    enter_next_cell,
+    ray_axis,
+    ray_units,
+)
+from common.mapping.sight import FREE, OCCUPIED, OUTSIDE, UNKNOWN
 
 # A range is trusted to this much, metres: a beam that ends so near to a cell border hit the cell behind the border,
 # and one that ends so near to two borders (a corner) does not tell which cell it hit.
@@ -70,16 +78,7 @@ def _integrate(
                 last = index
                 if first < 0:
                     first = index
-            if next_x < next_y - CORNER_TOLERANCE:
-                index += step_x
-                next_x += delta_x
-            elif next_y < next_x - CORNER_TOLERANCE:
-                index += step_y
-                next_y += delta_y
-            else:
-                index += step_x + step_y
-                next_x += delta_x
-                next_y += delta_y
+            index, next_x, next_y = enter_next_cell(index, step_x, step_y, next_x, next_y, delta_x, delta_y)
         # The beam ends in this cell, or on its border to the next one.
         ahead = min(next_x, next_y)
         face = hit and ahead <= end
@@ -94,15 +93,8 @@ def _integrate(
                 if first < 0:
                     first = index
             met = index if hit and not face else -1
-            if face and abs(next_x - next_y) > CORNER_TOLERANCE:
-                if next_x < next_y:
-                    index += step_x
-                    next_x += delta_x
-                else:
-                    index += step_y
-                    next_y += delta_y
-                if min(next_x, next_y) > end:
-                    met = index
+            if face:
+                met = cell_behind_border(index, step_x, step_y, next_x, next_y, delta_x, delta_y, end)
             if met >= 0 and cells[met] == OUTSIDE:
                 outside = True
             elif met >= 0 and cells[met] != OCCUPIED:
@@ -120,16 +112,16 @@ def _integrate(
     return known, freed, outside, row_low, row_high, column_low, column_high
 
 
-class Belief:
+class Belief(GrowingGrid):
     """What the robot knows: unknown (-1), free (0) or occupied (100) for every cell.
 
-    Cells are numbered from a fixed anchor; the grid that is allocated covers a rectangle of them and grows in any
-    direction when a scan reaches beyond it. Cell (row, column) covers
-    ``[origin + column * resolution, origin + (column + 1) * resolution)`` in x, likewise in y; row 0 is the bottom.
+    It grows when a scan reaches beyond what is allocated. Boxes of changes are those of the padded grid.
 
     A scan is taken at its word: the cells before a beam's end are free, the cell at its end is occupied, and an
     occupied cell stays occupied. `_integrate` is the only place that classifies cells.
     """
+
+    max_cells = MAX_CELLS
 
     def __init__(
         self,
@@ -150,15 +142,12 @@ class Belief:
         Raises:
             MappingError: the bounds are empty, not finite or too large.
         """
-        self.resolution = resolution
+        super().__init__(resolution, anchor if bounds is None else (bounds[0], bounds[1]))
         self.sensor_range = sensor_range
-        self._anchor = anchor if bounds is None else (bounds[0], bounds[1])
-        self._first_row = 0
-        self._first_column = 0
+        self._padded = np.full((2, 2), OUTSIDE, dtype=np.int8)
         self._free = 0
         self._known = 0
         self._generation = 0
-        rows = columns = 0
         if bounds is not None:
             x_min, y_min, x_max, y_max = bounds
             if not (all(isfinite(b) for b in bounds) and x_max > x_min and y_max > y_min):
@@ -168,8 +157,8 @@ class Belief:
                 )
             columns = ceil((x_max - x_min) / resolution - 1e-6)
             rows = ceil((y_max - y_min) / resolution - 1e-6)
-        self._padded = self._allocate(rows, columns)
-        self._changed: Box | None = None
+            self.cover(0, rows, 0, columns)
+            self._generation, self._changed = 0, None
 
     @property
     def cells(self) -> NDArray[np.int8]:
@@ -177,19 +166,6 @@ class Belief:
         view = self._padded[1:-1, 1:-1]
         view.flags.writeable = False
         return view
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
-        return self._padded.shape[0] - 2, self._padded.shape[1] - 2
-
-    @property
-    def origin(self) -> tuple[float, float]:
-        """(x, y) of the lower left corner of cell (0, 0), metres."""
-        return (
-            self._anchor[0] + self._first_column * self.resolution,
-            self._anchor[1] + self._first_row * self.resolution,
-        )
 
     @property
     def free_area(self) -> float:
@@ -211,17 +187,13 @@ class Belief:
         """Rises whenever the grid is allocated anew, so that cell indices of older generations are void."""
         return self._generation
 
-    @property
-    def first_cell(self) -> tuple[int, int]:
-        """(row, column) of cell (0, 0), counted from the anchor; it may be negative."""
-        return self._first_row, self._first_column
-
     def subcells(self, position: tuple[float, float]) -> tuple[int, int]:
         """Return a position in subcells from the lower left corner of the padded grid."""
         # As `to_subcells` rounds, but a call of a kernel for two numbers takes five times as long.
-        x = round(float(position[0] - self._anchor[0]) / self.resolution * SUBCELLS)
-        y = round(float(position[1] - self._anchor[1]) / self.resolution * SUBCELLS)
-        return x - ((self._first_column - 1) << SUBCELL_BITS), y - ((self._first_row - 1) << SUBCELL_BITS)
+        x = round(float(position[0] - self.anchor[0]) / self.resolution * SUBCELLS)
+        y = round(float(position[1] - self.anchor[1]) / self.resolution * SUBCELLS)
+        row, column = self._first
+        return x - ((column - 1) << SUBCELL_BITS), y - ((row - 1) << SUBCELL_BITS)
 
     def cell(self, position: tuple[float, float]) -> tuple[int, int]:
         """Return the (row, column) that holds a position; it may lie outside the grid."""
@@ -299,7 +271,7 @@ class Belief:
             self._known += gained
             self._free += freed
             if box[1] >= 0:
-                self._note((box[0], box[1], box[2], box[3]))
+                self.note((box[0], box[1], box[2], box[3]))
             if not outside:
                 return known
             # What the beams told before they left the grid stays; saying it again changes nothing.
@@ -322,76 +294,45 @@ class Belief:
             )
         if cells.size == 0:
             return
-        row = round((origin[1] - self._anchor[1]) / self.resolution)
-        column = round((origin[0] - self._anchor[0]) / self.resolution)
-        self._extend(row, row + cells.shape[0], column, column + cells.shape[1])
-        top, left = row - self._first_row + 1, column - self._first_column + 1
+        row = round((origin[1] - self.anchor[1]) / self.resolution)
+        column = round((origin[0] - self.anchor[0]) / self.resolution)
+        self.cover(row, row + cells.shape[0], column, column + cells.shape[1])
+        top, left = row - self._first[0] + 1, column - self._first[1] + 1
         part = self._padded[top : top + cells.shape[0], left : left + cells.shape[1]]
         self._free += int(np.count_nonzero(cells == FREE)) - int(np.count_nonzero(part == FREE))
         self._known += int(np.count_nonzero(cells != UNKNOWN)) - int(np.count_nonzero(part != UNKNOWN))
         part[:] = cells
-        self._note((top, top + cells.shape[0] - 1, left, left + cells.shape[1] - 1))
-
-    def take_changes(self) -> Box | None:
-        """Return the box of the padded grid that holds all changes since the last call, or None."""
-        changed, self._changed = self._changed, None
-        return changed
-
-    def _note(self, box: Box) -> None:
-        old = self._changed
-        if old is not None:
-            box = (min(old[0], box[0]), max(old[1], box[1]), min(old[2], box[2]), max(old[3], box[3]))
-        self._changed = box
+        self.note((top, top + cells.shape[0] - 1, left, left + cells.shape[1] - 1))
 
     def _grow(self, pose: Pose, limit: float) -> None:
         """Allocate what a scan at a pose can reach, and half as much again where the grid has to move its border."""
         cells = limit / self.resolution
-        x = (pose.x - self._anchor[0]) / self.resolution
-        y = (pose.y - self._anchor[1]) / self.resolution
-        if max(abs(x), abs(y), cells) > MAX_CELLS:
+        x = (pose.x - self.anchor[0]) / self.resolution
+        y = (pose.y - self.anchor[1]) / self.resolution
+        if max(abs(x), abs(y), cells) > self.max_cells:
             self._refuse(max(abs(x), abs(y), cells), max(abs(x), abs(y), cells))
         near, far = ceil(cells) + 2, ceil(1.5 * cells) + 2
         rows, columns = self.shape
-        row_low, column_low = self._first_row, self._first_column
+        row_low, column_low = self._first
         row_high, column_high = row_low + rows, column_low + columns
         if rows == 0 or columns == 0:
             row_low = row_high = floor(y)
             column_low = column_high = floor(x)
         row, column = floor(y), floor(x)
-        self._extend(
+        self.cover(
             row - far if row - near < row_low else row_low,
             row + far if row + near > row_high else row_high,
             column - far if column - near < column_low else column_low,
             column + far if column + near > column_high else column_high,
         )
 
-    def _extend(self, row_low: int, row_high: int, column_low: int, column_high: int) -> None:
-        """Cover the cells of a half-open rectangle, counted from the anchor, besides those covered already."""
-        rows, columns = self.shape
-        if rows and columns:
-            row_low, row_high = min(row_low, self._first_row), max(row_high, self._first_row + rows)
-            column_low = min(column_low, self._first_column)
-            column_high = max(column_high, self._first_column + columns)
-        if (row_high - row_low, column_high - column_low) == (rows, columns):
-            return
-        padded = self._allocate(row_high - row_low, column_high - column_low)
-        top, left = self._first_row - row_low + 1, self._first_column - column_low + 1
-        if rows and columns:
-            padded[top : top + rows, left : left + columns] = self._padded[1:-1, 1:-1]
-        self._padded = padded
-        self._first_row, self._first_column = row_low, column_low
-        self._generation += 1
-        self._changed = (1, padded.shape[0] - 2, 1, padded.shape[1] - 2)
-
-    def _allocate(self, rows: int, columns: int) -> NDArray[np.int8]:
-        if rows * columns > MAX_CELLS:
-            self._refuse(rows, columns)
+    def _move(self, before: tuple[int, int, int, int] | None) -> None:
+        rows, columns = self._shape
         padded = np.full((rows + 2, columns + 2), OUTSIDE, dtype=np.int8)
         padded[1:-1, 1:-1] = UNKNOWN
-        return padded
-
-    def _refuse(self, rows: float, columns: float) -> None:
-        raise MappingError(
-            f"the belief would need {rows:.0f} x {columns:.0f} cells of {self.resolution} m, more than {MAX_CELLS}: "
-            "check the robot's pose, or use coarser cells (mapping.resolution)"
-        )
+        if before is not None:
+            top, bottom, left, right = before
+            padded[top + 1 : bottom + 1, left + 1 : right + 1] = self._padded[1:-1, 1:-1]
+        self._padded = padded
+        self._generation += 1
+        self._changed = (1, rows, 1, columns)

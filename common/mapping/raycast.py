@@ -63,6 +63,46 @@ def ray_axis(start: float, direction: float) -> tuple[int, int, int]:
     return 0, ray_units(FARTHEST), ray_units(FARTHEST)
 
 
+@njit(cache=True, nogil=True, inline="always")
+def enter_next_cell(
+    cell: int, step_x: int, step_y: int, next_x: int, next_y: int, delta_x: int, delta_y: int
+) -> tuple[int, int, int]:
+    """Cross the nearer border of a ray's cell, or both at their corner.
+
+    Args:
+        cell: flat number of the ray's cell.
+        step_x: what crossing a border along x adds to the number.
+        step_y: likewise along y: as many as there are cells in a row, with the ray's sign.
+        next_x: distance along the ray to the next border along x, ray units.
+        next_y: likewise along y.
+        delta_x: distance between two borders along x, ray units.
+        delta_y: likewise along y.
+
+    Returns:
+        The number of the cell that the ray enters, and its ``next_x`` and ``next_y``.
+    """
+    if next_x < next_y - CORNER_TOLERANCE:
+        return cell + step_x, next_x + delta_x, next_y
+    if next_y < next_x - CORNER_TOLERANCE:
+        return cell + step_y, next_x, next_y + delta_y
+    return cell + step_x + step_y, next_x + delta_x, next_y + delta_y
+
+
+@njit(cache=True, nogil=True, inline="always")
+def cell_behind_border(
+    cell: int, step_x: int, step_y: int, next_x: int, next_y: int, delta_x: int, delta_y: int, end: int
+) -> int:
+    """Return the cell that a ray met at the border of `cell` where it ended, -1 where that does not tell.
+
+    It does not at a corner, nor where the ray's end, `end` ray units, may lie beyond the cell behind the border. Other
+    arguments as for `enter_next_cell`.
+    """
+    if abs(next_x - next_y) <= CORNER_TOLERANCE:
+        return -1
+    met, next_x, next_y = enter_next_cell(cell, step_x, step_y, next_x, next_y, delta_x, delta_y)
+    return met if min(next_x, next_y) > end else -1
+
+
 @njit(cache=True, nogil=True)
 def cast_rays(
     free: NDArray[np.bool_],

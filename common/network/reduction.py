@@ -25,7 +25,7 @@ TOKEN_PATHS = 6.0
 """Shortest paths to beacons are tokens up to this graph distance of the robot, lattice steps."""
 
 _NAMES = FEATURE_NAMES["extended"]
-_UTILITY, _BEACON, _ROBOT, _TARGET = (_NAMES.index(name) for name in ("utility", "beacon", "robot", "target"))
+_UTILITY, _BEACON, _TARGET = (_NAMES.index(name) for name in ("utility", "beacon", "target"))
 _DISTANCE, _ON_PATH = _NAMES.index("robot_graph_distance"), _NAMES.index("on_beacon_path")
 _ON_ROUTE = FEATURE_NAMES["guided"].index("on_route")
 _REACH = FEATURE_NAMES["guided"].index("reach")

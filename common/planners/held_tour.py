@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from common.mapping.mapper import Mapper
 from common.planners.base import Position
-from common.planners.news import PlacesSinceNews
+from common.planners.visited_places import PlacesSinceGain
 
 
 class HeldTour:
@@ -22,7 +22,7 @@ class HeldTour:
     """
 
     def __init__(self) -> None:
-        self._planned = PlacesSinceNews()
+        self._planned = PlacesSinceGain()
         self._stops: list[Position] = []
 
     def stops(
@@ -40,7 +40,7 @@ class HeldTour:
             positions: of all viewpoints, metres, shape (n, 2).
             plan: solves a tour.
         """
-        if self._planned.forget_on_news(mapper):
+        if self._planned.forget_on_gain(mapper):
             self._stops.clear()
         if self._stops:
             nodes = {_place(positions[node]): int(node) for node in candidates}

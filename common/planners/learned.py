@@ -15,7 +15,6 @@ from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Planner, Position, Status, TaskName
 from common.planners.depth import Depth
 from common.planners.greedy import GreedyPlanner
-from common.planners.news import PlacesSinceNews
 from common.planners.reference import ReferenceRoute
 from common.planners.registry import make_planner
 from common.planners.suited_mapping import of_known_scale, warn_of_other_mapping
@@ -27,6 +26,7 @@ from common.planners.viewpoint_planner import (
     next_leg,
     nothing_left,
 )
+from common.planners.visited_places import PlacesSinceGain
 from common.policy import Policy
 from common.policy_file import PolicyCard, read_policy
 from common.shipped import shipped_policy, shipped_tasks
@@ -171,7 +171,7 @@ class LearnedPlanner:
         end = self._end(mapper, pose)
         if end is not None:
             return end
-        if self._places.forget_on_news(mapper):
+        if self._places.forget_on_gain(mapper):
             self._way_out = None
         self._places.add(mapper.position(mapper.robot))
         detour = self._follow_way_out(mapper, pose)
@@ -274,7 +274,7 @@ class LearnedPlanner:
         self._classical = None
         self.guarded = 0
         # Viewpoints beside lattice points move a little whenever their surroundings become known better.
-        self._places = PlacesSinceNews(ON_VIEWPOINT * self._config.viewpoint_spacing)
+        self._places = PlacesSinceGain(ON_VIEWPOINT * self._config.viewpoint_spacing)
         self._way_out = None
         self.rule_applied = 0
         self.attention = None

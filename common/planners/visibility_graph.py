@@ -12,9 +12,8 @@ from common.mapping.raycast import SUBCELL_BITS
 from common.mapping.sight import CLEAR, OCCUPIED, Box, blocker, may_touch
 from common.planners.contours import convex_corners, thicken
 
-# Polygons are as wide as this around occupied cells, cells: it closes the gaps between single returns of the lidar, and
-# what the simplification cuts off is less, so that the edges of polygons are clear of occupied cells.
-WIDTH: Final = 1
+# Of the simplification of polygons, cells. They are one cell wide around occupied cells, which closes the gaps between
+# single returns of the lidar; what is cut off is less, so that the edges of polygons are clear of occupied cells.
 TOLERANCE: Final = 0.95
 
 

@@ -14,7 +14,7 @@ from common.bus.fleet import BridgeId, bridges_at
 from common.bus.liveness import PresenceWatcher, Process, declare_presence
 from common.closing import Closing
 from common.errors import BusError
-from deploy.config import DeployConfig
+from deploy.network_config import RosConfig
 from deploy.ros2.errors import RosError
 from deploy.ros2.session import open_session
 
@@ -35,17 +35,17 @@ class NameProbe(Closing):
 
     Usage::
 
-        with NameProbe(config) as probe:
+        with NameProbe(config.name, config.ros) as probe:
             load_what_takes_time()
             probe.check()
     """
 
-    def __init__(self, config: DeployConfig) -> None:
+    def __init__(self, name: str, ros: RosConfig) -> None:
         """Join the network that the bridge is to connect to; without a router there is nobody to look for."""
-        self._name = config.name
+        self._name = name
         self._session: zenoh.Session | None = None
         with suppress(RosError):
-            self._session = open_session(config.ros, wait=False)
+            self._session = open_session(ros, wait=False)
         self._until = time.monotonic() + _FIND
 
     def check(self) -> None:

@@ -1,4 +1,4 @@
-"""The bridge process: wires inputs, decision loop, driver, commands and outputs together, and keeps them going."""
+"""The bridge process: wires inputs, decision and driving loop, commands and outputs together, and keeps them going."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from deploy.bridge.alone import NameProbe, Rivals, new_instance
 from deploy.bridge.commands import Commands, TopicCommands
 from deploy.bridge.decision import DecisionLoop
 from deploy.bridge.drawing import draw
-from deploy.bridge.driver import Driver
+from deploy.bridge.driving_loop import DrivingLoop
 from deploy.bridge.inputs import Inputs
 from deploy.bridge.lifecycle_services import LifecycleServices
 from deploy.bridge.live import LivePolicy
@@ -27,9 +27,9 @@ from deploy.bridge.mission import Mission, Phase
 from deploy.bridge.navigate_action import NavigateAction
 from deploy.bridge.outcome import Outcome
 from deploy.bridge.outputs import Outputs
+from deploy.bridge.planner_selector import make_planners, with_planning_set
 from deploy.bridge.problems import LastProblem
 from deploy.bridge.reporter import Reporter
-from deploy.bridge.team import make_team, with_planning_set
 from deploy.bridge.velocity_watch import VelocityWatch
 from deploy.bridge.warmup import warm_up
 from deploy.config import DeployConfig
@@ -45,7 +45,7 @@ log = logging.getLogger(__name__)
 # Passes of the decision loop per second: what it must notice (a waypoint that is free no more) stops the robot within
 # half a second.
 _PASSES: Final = 10.0
-# A thread gives way to another this soon, seconds: the driver must not wait for a planner's arithmetic.
+# A thread gives way to another this soon, seconds: the driving loop must not wait for a planner's arithmetic.
 _SWITCH_INTERVAL: Final = 0.001
 # Phases in which nothing is asked of the robot; paused and aborted it has to stand.
 _FREE: Final = frozenset({Phase.IDLE, Phase.FINISHED, Phase.FAILED})
@@ -88,7 +88,7 @@ class Bridge(Closing):
             except Exception as error:
                 # The robot stands and the next pass tries again; what went wrong is told by the status.
                 log.exception("a pass of the decision loop failed")
-                self._driver.stand(f"a pass of the decision loop failed: {error}")
+                self._driving.stand(f"a pass of the decision loop failed: {error}")
 
     def close(self) -> None:
         """Stop the robot and leave: to finalized. Safe to call twice."""
@@ -105,21 +105,25 @@ class Bridge(Closing):
     def _configure(self) -> None:
         config, enter = self._config, self._parts.enter_context
         sys.setswitchinterval(_SWITCH_INTERVAL)
-        Geofence(config.safety.geofence)
+        fence = Geofence.around_robot(config)
         # A bridge that is the router itself has a network of its own.
-        probe = None if config.ros.listen else enter(NameProbe(config))
-        self._live = enter(LivePolicy(config)) if config.decision.live_run is not None else None
-        self._team = make_team(config)
+        probe = None if config.ros.listen else enter(NameProbe(config.name, config.ros))
+        self._live = (
+            enter(LivePolicy(config.decision, config.mapping)) if config.decision.live_run is not None else None
+        )
+        self._planners = make_planners(config)
         decision = config.decision
         self._mission = Mission(decision.task, decision.goal, decision.goal_reach, self._position)
-        warm_up(config, self._team.members(config.decision.task))
+        warm_up(config, self._planners.members(config.decision.task))
         if probe is not None:
             # Before the watchdog: its zeros would stop the other bridge's robot.
             probe.check()
-        self._map = RobotMap(with_planning_set(config, self._team), self._mission.orders.target)
-        self._health = HealthMonitor(config.safety, sensor=config.sensing.source)
+        self._map = RobotMap(with_planning_set(config, self._planners), self._mission.orders.target)
+        self._health = HealthMonitor(config.safety, fence, config.sensing.source)
         self._inputs = Inputs(config, self._map, self._health)
-        self._loop = DecisionLoop(config, self._map, self._team, self._mission, self._health)
+        self._loop = DecisionLoop(
+            decision, config.mapping, config.safety, self._map, self._planners, self._mission, self._health
+        )
         self._metrics = Metrics()
         self._gate = enter(VelocityGate(config))
         node = enter(Node(behind_watchdog(config.ros), remap=config.topics.remap))
@@ -127,10 +131,20 @@ class Bridge(Closing):
         self._outputs = Outputs(node, config)
         self._outcome = self._loop.step()
         instance = new_instance()
-        self._reporter = Reporter(config, self._inputs, self._metrics, self._map, self._team, self._problems, instance)
-        self._driver = enter(
-            Driver(
-                config,
+        self._reporter = Reporter(
+            config.name,
+            decision.live_run,
+            self._inputs,
+            self._metrics,
+            self._map,
+            self._planners,
+            self._problems,
+            instance,
+        )
+        self._driving = enter(
+            DrivingLoop(
+                config.driving,
+                decision.rate,
                 self._map,
                 self._health,
                 self._gate,
@@ -141,15 +155,24 @@ class Bridge(Closing):
         )
         self._inputs.subscribe(node)
         commands = Commands(self._mission, self._gate, self.status, self._health.try_again)
-        TopicCommands(commands, config, node)
+        TopicCommands(commands, node, config.topics, config.frames)
         LifecycleServices(node, self._lifecycle, commands, self._ended.set)
-        action = config.topics.navigate_action
-        self._action = enter(NavigateAction(node, config, commands, self._mission)) if action else None
+        self._action: NavigateAction | None = None
+        if config.topics.navigate_action:
+            action = NavigateAction(
+                node,
+                config.topics.navigate_action,
+                commands,
+                self._mission,
+                map_frame=config.frames.map,
+                goal_radius=decision.goal_radius,
+            )
+            self._action = enter(action)
         enter(ControlServer(node.session, config.name, commands, ROBOT_VERBS))
         enter(declare_presence(node.session, config.name, "robot", config.name))
         self._rivals = enter(Rivals(node.session, config.name, instance))
         if config.driving.enabled:
-            enter(VelocityWatch(node, config))
+            enter(VelocityWatch(node, config.ros, config.topics))
         self._next_status = self._next_picture = 0.0
         self._started_by_itself = False
 
@@ -163,16 +186,16 @@ class Bridge(Closing):
         if self._gate.latched:
             self._mission.emergency_stop(self._gate.state.reason)
         if self._live is not None:
-            self._live.refresh(self._team)
+            self._live.refresh(self._planners)
         outcome = self._outcome = self._loop.step()
         rivals = self._rivals.problem
         if rivals:
             outcome = self._outcome = replace(outcome, hold=rivals, course=None, aim=None)
         if outcome.course is not None and not outcome.hold:
-            self._driver.follow(outcome.course.route)
+            self._driving.follow(outcome.course.route)
         else:
             orders = outcome.orders
-            self._driver.stand(outcome.hold or orders.reason, free=orders.phase in _FREE)
+            self._driving.stand(outcome.hold or orders.reason, free=orders.phase in _FREE)
         self._follow_orders(outcome)
         self._metrics.moved(now, self._inputs.travelled, under_way=outcome.orders.moving)
         if outcome.decided:
@@ -210,6 +233,6 @@ class Bridge(Closing):
     def _draw(self, outcome: Outcome, stamp: float, now: float) -> None:
         self._outputs.belief(outcome, stamp)
         spacing = self._config.mapping.viewpoint_spacing
-        drawn = draw(outcome, self._team.in_charge(now), stamp, self._config.frames.map, spacing)
+        drawn = draw(outcome, self._planners.in_charge(now), stamp, self._config.frames.map, spacing)
         if drawn is not None:
             self._outputs.markers(drawn)

@@ -12,9 +12,9 @@ from typing import Any, Final, Protocol
 from common.errors import HDError
 from common.messages.replies import ROBOT_VERBS, ControlRequest
 from common.planners.base import Position
+from deploy.bridge.command_text import RELEASE, CommandError, parse, release_of
 from deploy.bridge.mission import Mission
-from deploy.bridge.words import RELEASE, CommandError, parse, release_of
-from deploy.config import DeployConfig
+from deploy.network_config import FramesConfig, TopicsConfig
 from deploy.ros2 import Message, Node, Received, RosError, message
 from deploy.ros2.conversions import pose_from_stamped, position_from
 
@@ -142,11 +142,10 @@ class TopicCommands:
     An answer is JSON: ``command``, ``ok``, ``error``, ``state`` and ``reason``.
     """
 
-    def __init__(self, commands: Commands, config: DeployConfig, node: Node) -> None:
-        """Listen to the topics that the configuration names."""
+    def __init__(self, commands: Commands, node: Node, topics: TopicsConfig, frames: FramesConfig) -> None:
+        """Listen to these topics, where they have a name."""
         self._commands = commands
-        self._map_frame = config.frames.map
-        topics = config.topics
+        self._map_frame = frames.map
         self._answers = (
             node.publisher(topics.acknowledgement, "std_msgs/msg/String") if topics.acknowledgement else None
         )

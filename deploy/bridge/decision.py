@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+from common.config.schema import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status
@@ -18,11 +19,11 @@ from deploy.bridge.legs import begun_at, drivable, free_in, nothing_to_see
 from deploy.bridge.map_source import MapSource
 from deploy.bridge.mission import Mission, Orders, Phase, too_far
 from deploy.bridge.outcome import Course, Outcome
-from deploy.bridge.oversight import Oversight
-from deploy.bridge.team import PlannerError, PlannerTeam
+from deploy.bridge.plan_supervisor import PlanSupervisor
+from deploy.bridge.planner_selector import PlannerError, PlannerSelector
 from deploy.bridge.unseen import Unseen
 from deploy.bridge.way_out import way_out
-from deploy.config import DeployConfig
+from deploy.config import DecisionConfig, SafetyConfig
 from deploy.safety.health import Fault, FaultKind, HealthMonitor
 
 log = logging.getLogger(__name__)
@@ -39,16 +40,18 @@ class DecisionLoop:
 
     Usage::
 
-        loop = DecisionLoop(config, robot_map, make_team(config), Mission("exploration"), HealthMonitor(config.safety))
+        loop = DecisionLoop(decision, mapping, safety, robot_map, planners, Mission("exploration"), health)
         while True:
             outcome = loop.step()  # several times per decision: it plans when it is due
     """
 
     def __init__(
         self,
-        config: DeployConfig,
+        config: DecisionConfig,
+        mapping: MappingConfig,
+        safety: SafetyConfig,
         robot_map: MapSource,
-        team: PlannerTeam,
+        planners: PlannerSelector,
         mission: Mission,
         health: HealthMonitor,
         *,
@@ -57,22 +60,24 @@ class DecisionLoop:
         """Begin; messages are fed to `robot_map` and `health`, commands to `mission`, by others.
 
         Args:
-            config: whole tree.
+            config: when to decide, and when a place is reached.
+            mapping: of the map.
+            safety: where the robot may go, and how long it may get nowhere.
             robot_map: the robot's map.
-            team: the planners.
+            planners: the planners.
             mission: the robot's orders.
             health: watches the inputs.
             clock: seconds, monotonic; that of a recording when one is replayed.
         """
-        self.team = team
-        self._config = config.decision
-        self._mapping = config.mapping
+        self.planners = planners
+        self._config = config
+        self._mapping = mapping
         self._map = robot_map
         self._mission = mission
         self._health = health
         self._clock = clock
-        self._oversight = Oversight(config)
-        self._checks = CompletionChecks(config.decision.completion_checks)
+        self._supervisor = PlanSupervisor(safety, mapping)
+        self._checks = CompletionChecks(config.completion_checks)
         self._blocked = ""
         self._blocked_lock = threading.Lock()
         self._episode = 0
@@ -127,7 +132,7 @@ class DecisionLoop:
             self._episode = orders.episode
             self._begin_episode(orders, now)
         if orders.moving and not self._was_moving:
-            self._oversight.wait(now)
+            self._supervisor.wait(now)
             self._next = now
         if not orders.moving:
             self._stand("")
@@ -140,16 +145,16 @@ class DecisionLoop:
         self._unseen = None
         self._next, self._asked = now, None
         if orders.phase is Phase.RETURNING and orders.home is not None:
-            self._oversight.begin(orders.home, now)
-            self.team.go_to(orders.home)
+            self._supervisor.begin(orders.home, now)
+            self.planners.go_to(orders.home)
             return
-        self._oversight.begin(orders.target, now)
+        self._supervisor.begin(orders.target, now)
         self._map.set_target(orders.target)
         if orders.task is self._mission.task:
-            self.team.begin(orders.task.name, orders.target)
+            self.planners.begin(orders.task.name, orders.target)
         elif orders.target is not None:
             # An exploration that is left for a target: the planner in charge may know no targets.
-            self.team.go_to(orders.target)
+            self.planners.go_to(orders.target)
 
     def _refresh(self, now: float) -> Mapper | None:
         mapper = self._map.refresh()
@@ -174,7 +179,7 @@ class DecisionLoop:
             # Nowhere to go: asked again on every new map, and not more often than the rate.
             return now >= self._next and (asked is None or asked[1] != self._version)
         if blocked:
-            self._oversight.give_up(course, blocked, now)
+            self._supervisor.give_up(course, blocked, now)
             return True
         if any(fault.kind is FaultKind.WAYPOINT_OCCUPIED for fault in self._faults) or self._arrived(mapper, pose):
             return True
@@ -185,7 +190,7 @@ class DecisionLoop:
 
     def _seen(self, mapper: Mapper, goal: Position) -> bool:
         """Whether nothing is left to see from where the robot is going."""
-        return goal != self._oversight.target and nothing_to_see(mapper, goal, self._mapping.viewpoint_spacing)
+        return goal != self._supervisor.target and nothing_to_see(mapper, goal, self._mapping.viewpoint_spacing)
 
     def _at_end(self, course: Course, pose: Pose) -> bool:
         """Whether the robot stands over the end of its route.
@@ -205,8 +210,8 @@ class DecisionLoop:
         way = self._way_to_place(mapper, pose)
         place = Pose(*way[-1], pose.yaw) if way else pose
         try:
-            look = self._oversight.look_around(mapper, place, now) if way else None
-            plan = look or self.team.plan(mapper, place, now)
+            look = self._supervisor.look_around(mapper, place, now) if way else None
+            plan = look or self.planners.plan(mapper, place, now)
         except PlannerError as error:
             self._health.policy_failed(error)
             self._faults.append(Fault(FaultKind.POLICY_ERROR, str(error)))
@@ -216,10 +221,10 @@ class DecisionLoop:
             return False
         self._health.policy_decided()
         self._faults = [fault for fault in self._faults if fault.kind not in _MENDED_BY_PLANNING]
-        if plan.status is Status.GOING and not self._oversight.allows(plan, place, now):
-            plan = self._oversight.around(mapper, place, now)
+        if plan.status is Status.GOING and not self._supervisor.allows(plan, place, now):
+            plan = self._supervisor.around(mapper, place, now)
         elif plan.status is not Status.GOING:
-            plan = self._oversight.second_look(mapper, place, plan, now)
+            plan = self._supervisor.second_look(mapper, place, plan, now)
         if plan.status is Status.GOING and plan.waypoint is not None:
             if not (stands and self._arrived(mapper, pose)):
                 plan = begun_at(mapper, pose, way, plan)
@@ -266,7 +271,7 @@ class DecisionLoop:
             beacon=plan.beacon,
             via=tuple(plan.via),
             path=tuple(plan.path),
-            route=drivable(mapper, plan, lambda start, end: self._oversight.may_enter(start, end, now)),
+            route=drivable(mapper, plan, lambda start, end: self._supervisor.may_enter(start, end, now)),
             with_room=mapper.has_room(waypoint),
             reason=plan.reason,
         )
@@ -275,10 +280,10 @@ class DecisionLoop:
 
     def _watch(self, course: Course, mapper: Mapper, place: Pose, reached: Position | None, now: float) -> None:
         """Look whether the robot gets anywhere, and try something else when it does not."""
-        vain = self._oversight.watch(mapper, place, course, reached, now)
+        vain = self._supervisor.watch(mapper, place, course, reached, now)
         if vain:
-            self._oversight.give_up(course, vain, now)
-            self.team.relieve(now, vain)
+            self._supervisor.give_up(course, vain, now)
+            self.planners.relieve(now, vain)
             self._stand(vain)
             self._next, self._asked = now, None
 
@@ -340,14 +345,14 @@ class DecisionLoop:
             hold=self._hold if orders.moving else "",
             course=self._course if orders.moving else None,
             aim=aim,
-            planner=self.team.in_charge(now).name,
-            relieved=self.team.why_relieved if self.team.relieved(now) else "",
+            planner=self.planners.in_charge(now).name,
+            relieved=self.planners.why_relieved if self.planners.relieved(now) else "",
             decided=decided,
             seconds=seconds,
             faults=tuple(self._faults),
             mapper=mapper,
             pose=pose,
             checks=self._checks.count,
-            bans=self._oversight.bans(now),
+            bans=self._supervisor.bans(now),
             unseen=self._unseen,
         )

@@ -18,7 +18,7 @@ _GATE_LEVELS: Final[dict[str, int]] = {
     GateMode.CLEAR: OK,
     GateMode.HELD: OK,
     GateMode.OVERRIDDEN: WARN,
-    GateMode.WISH_STALE: WARN,
+    GateMode.COMMAND_STALE: WARN,
 }
 
 

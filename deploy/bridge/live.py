@@ -14,7 +14,7 @@ from common.bus.spec import fetch_spec
 from common.bus.weights import WeightsPuller
 from common.closing import Closing
 from common.config.names import config_from_message
-from common.config.schema import BusConfig, MapsConfig, RunConfig, SimulatorConfig
+from common.config.schema import BusConfig, MappingConfig, MapsConfig, RunConfig, SimulatorConfig
 from common.errors import BusError, ConfigError, HDError
 from common.messages.weights import Weights
 from common.network.parameters import parameter_shapes
@@ -22,37 +22,36 @@ from common.planners.learned import LearnedPlanner
 from common.policy import Policy
 from common.policy_file import PolicyCard
 from common.tasks import find_task
-from deploy.bridge.team import PlannerTeam
-from deploy.config import DeployConfig
+from deploy.bridge.planner_selector import PlannerSelector
+from deploy.config import DecisionConfig
 
 log = logging.getLogger(__name__)
 
 
 class LivePolicy(Closing):
-    """Gives a team the newest weights of a run; until the first have come, the team's own planner decides.
+    """Gives the planners the newest weights of a run; until the first have come, the one that was made decides.
 
     Usage::
 
-        with LivePolicy(config) as live:
-            live.refresh(team)  # in the decision thread, before every pass
+        with LivePolicy(config.decision, config.mapping) as live:
+            live.refresh(planners)  # in the decision thread, before every pass
 
     Attributes:
         version: policy version in use; -1 before the first.
     """
 
-    def __init__(self, config: DeployConfig) -> None:
+    def __init__(self, decision: DecisionConfig, mapping: MappingConfig) -> None:
         """Begin to look for the learner; nothing waits for it.
 
         Raises:
             ConfigError: no run, or no endpoint of its learner, is named.
             BusError: an endpoint is malformed, or a file of TLS is missing.
         """
-        decision = config.decision
         if decision.live_run is None or not decision.live_connect:
             raise ConfigError("decision.live_run needs decision.live_connect: name the learner's endpoint")
         self._run_name = decision.live_run
         self._task = decision.task
-        self._mapping = config.mapping
+        self._mapping = mapping
         bus: dict[str, Any] = {}
         if decision.live_tls is not None:
             bus = dict(zip(("tls_ca", "tls_certificate", "tls_key"), decision.live_tls, strict=True))
@@ -66,7 +65,7 @@ class LivePolicy(Closing):
         self._thread = threading.Thread(target=self._look, name="live policy", daemon=True)
         self._thread.start()
 
-    def refresh(self, team: PlannerTeam) -> None:
+    def refresh(self, planners: PlannerSelector) -> None:
         """Load what has come since the last call.
 
         Weights that do not fit are logged and left alone: the policy in use stays in use.
@@ -78,7 +77,7 @@ class LivePolicy(Closing):
             return
         self._used = weights
         try:
-            self._load(found[0], weights, team)
+            self._load(found[0], weights, planners)
         except HDError as error:
             log.error("weights of version %d cannot be used: %s", weights.version, error)
             return
@@ -94,7 +93,7 @@ class LivePolicy(Closing):
                 self._found[1].close()
         self._session.close()
 
-    def _load(self, config: RunConfig, weights: Weights, team: PlannerTeam) -> None:
+    def _load(self, config: RunConfig, weights: Weights, planners: PlannerSelector) -> None:
         if self._planner is not None:
             self._planner.policy.load(weights.tensors, weights.version)
             return
@@ -112,7 +111,7 @@ class LivePolicy(Closing):
         )
         policy = Policy(config.network, weights.tensors, weights.version)
         planner = LearnedPlanner(self._mapping, policy=(policy, card))
-        team.main = planner
+        planners.main = planner
         self._planner = planner
 
     def _look(self) -> None:

@@ -10,7 +10,7 @@ from math import hypot, inf, isfinite
 
 from common.planners.base import Position, TaskName
 from common.tasks import EXPLORATION, NAVIGATION, Task, find_task
-from deploy.bridge.words import CommandError
+from deploy.bridge.command_text import CommandError
 
 
 class Phase(StrEnum):

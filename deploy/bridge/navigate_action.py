@@ -12,7 +12,6 @@ from common.planners.base import Position
 from deploy.bridge.commands import Commands, target_in
 from deploy.bridge.mission import Mission, Phase
 from deploy.bridge.outcome import Outcome
-from deploy.config import DeployConfig
 from deploy.ros2 import Message, Node, message
 from deploy.ros2.actions import ActionServer, GoalState
 from deploy.ros2.conversions import pose_from_stamped, pose_stamped
@@ -30,14 +29,26 @@ class NavigateAction(Closing):
     To cancel is to abort. Another target, `explore` and `return-home` abort a goal; `pause` keeps it.
     """
 
-    def __init__(self, node: Node, config: DeployConfig, commands: Commands, mission: Mission) -> None:
-        """Offer the action on the name that the configuration gives it."""
-        self._config = config
+    def __init__(
+        self, node: Node, name: str, commands: Commands, mission: Mission, *, map_frame: str, goal_radius: float
+    ) -> None:
+        """Offer the action.
+
+        Args:
+            node: of the bridge.
+            name: of the action.
+            commands: that goals become.
+            mission: the robot's orders.
+            map_frame: name of the frame that goals and poses are in.
+            goal_radius: a robot so near to a goal has reached it, metres.
+        """
+        self._map_frame = map_frame
+        self._goal_radius = goal_radius
         self._commands = commands
         self._mission = mission
         self._target: Position = (0.0, 0.0)
         self._began = 0.0
-        self._server = ActionServer(node, config.topics.navigate_action, KIND, self._accept, self._cancel)
+        self._server = ActionServer(node, name, KIND, self._accept, self._cancel)
 
     def look(self, outcome: Outcome, stamp: float, now: float) -> None:
         """Tell whoever waits what has become of the goal.
@@ -54,9 +65,7 @@ class NavigateAction(Closing):
         distance = float("inf") if pose is None else hypot(pose.x - self._target[0], pose.y - self._target[1])
         if orders.target != self._target or not orders.task.needs_target:
             self._end(GoalState.ABORTED, "another order came")
-        elif orders.phase is Phase.FINISHED or (
-            orders.phase is Phase.RETURNING and distance <= self._config.decision.goal_radius
-        ):
+        elif orders.phase is Phase.FINISHED or (orders.phase is Phase.RETURNING and distance <= self._goal_radius):
             self._end(GoalState.SUCCEEDED, "")
         elif orders.phase is Phase.ABORTED:
             canceled = goal.state is GoalState.CANCELING
@@ -66,7 +75,7 @@ class NavigateAction(Closing):
         elif pose is not None:
             self._server.tell(
                 goal,
-                current_pose=pose_stamped(stamp, self._config.frames.map, pose),
+                current_pose=pose_stamped(stamp, self._map_frame, pose),
                 navigation_time=_duration(now - self._began),
                 distance_remaining=distance,
             )
@@ -78,7 +87,7 @@ class NavigateAction(Closing):
     def _accept(self, goal: Message) -> bool:
         try:
             _, pose = pose_from_stamped(goal.pose)
-            target = target_in(self._config.frames.map, goal.pose.header.frame_id, pose.position)
+            target = target_in(self._map_frame, goal.pose.header.frame_id, pose.position)
             self._commands.carry_out("goal", {"x": target[0], "y": target[1]})
             if not self._mission.orders.moving:
                 self._commands.carry_out("start", {})

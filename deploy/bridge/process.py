@@ -5,9 +5,9 @@ from __future__ import annotations
 import logging
 import threading
 
+from common.signals import stopping_signals
 from deploy.bridge.bridge import Bridge
 from deploy.config import DeployConfig
-from deploy.signals import stopping_signals
 
 log = logging.getLogger(__name__)
 
@@ -19,7 +19,7 @@ def run_bridge(config: DeployConfig) -> None:
         HDError: it cannot start.
     """
     stop = threading.Event()
-    with stopping_signals(stop), Bridge(config) as bridge:
+    with stopping_signals(stop.set, stop.is_set), Bridge(config) as bridge:
         log.info(
             "robot %r: %s by %s, %s; waiting for %s",
             config.name,

@@ -8,10 +8,9 @@ from common.planners.learned import LearnedPlanner
 from deploy.bridge.inputs import Inputs
 from deploy.bridge.metrics import Metrics
 from deploy.bridge.outcome import Outcome
+from deploy.bridge.planner_selector import PlannerSelector
 from deploy.bridge.problems import LastProblem
 from deploy.bridge.status import Policy, Status, state_of
-from deploy.bridge.team import PlannerTeam
-from deploy.config import DeployConfig
 from deploy.mapping.robot_map import RobotMap
 from deploy.safety.gate_state import GateState
 
@@ -21,21 +20,23 @@ class Reporter:
 
     def __init__(
         self,
-        config: DeployConfig,
+        name: str,
+        live_run: str | None,
         inputs: Inputs,
         metrics: Metrics,
         robot_map: RobotMap,
-        team: PlannerTeam,
+        planners: PlannerSelector,
         problems: LastProblem,
         instance: str,
     ) -> None:
-        """Report on these parts of the bridge of this instance."""
+        """Report on these parts of the bridge of this name and instance, which follows a live run or none."""
         self._instance = instance
-        self._config = config
+        self._name = name
+        self._live_run = live_run
         self._inputs = inputs
         self._metrics = metrics
         self._map = robot_map
-        self._team = team
+        self._planners = planners
         self._problems = problems
         self._counts = (0, 0, 0)
         self._area = 0.0
@@ -57,7 +58,7 @@ class Reporter:
         pose, course, orders = outcome.pose, outcome.course, outcome.orders
         viewpoints, frontiers, beacons = self._counts
         return Status(
-            name=self._config.name,
+            name=self._name,
             instance=self._instance,
             lifecycle=lifecycle,
             state=state,
@@ -93,8 +94,8 @@ class Reporter:
         )
 
     def _policy(self) -> Policy | None:
-        planner = self._team.main
+        planner = self._planners.main
         if not isinstance(planner, LearnedPlanner) or planner.card is None:
             return None
-        live = self._config.decision.live_run is not None and planner.card.run == self._config.decision.live_run
+        live = self._live_run is not None and planner.card.run == self._live_run
         return Policy(planner.card.run, planner.policy.version, live)

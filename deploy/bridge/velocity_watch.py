@@ -8,7 +8,7 @@ from typing import Final
 import zenoh
 
 from common.closing import Closing
-from deploy.config import DeployConfig
+from deploy.network_config import RosConfig, TopicsConfig
 from deploy.ros2 import Node
 from deploy.ros2.graph import RMW_SELECTOR, SeenEndpoint, parse_token
 from deploy.ros2.names import topic_name
@@ -29,10 +29,9 @@ class VelocityWatch(Closing):
         others: full names of the nodes that were seen.
     """
 
-    def __init__(self, node: Node, config: DeployConfig) -> None:
+    def __init__(self, node: Node, ros: RosConfig, topics: TopicsConfig) -> None:
         """Watch the liveliness tokens of the robot's network."""
-        ros = config.ros
-        self._topic = topic_name(config.topics.velocity, node.namespace, config.topics.remap)
+        self._topic = topic_name(topics.velocity, node.namespace, topics.remap)
         within = node.namespace.rstrip("/")
         self._own = {f"{within}/{name}" for name in (ros.node, f"{ros.node}_watchdog")}
         self.others: set[str] = set()

@@ -55,7 +55,7 @@ class LocalPlanner:
     Usage, at `config.rate`::
 
         command = planner.command(pose, (v, w), path, obstacles, dt)
-        gate.wish(command.linear, command.angular)
+        gate.command(command.linear, command.angular)
     """
 
     def __init__(self, config: DrivingConfig) -> None:

@@ -1,24 +1,25 @@
-"""Writing the robot's grid into the common belief: as it was seen but for rims and pockets, where something changed."""
+"""Writing the robot's grid into the common belief: as it was seen but for rims and holes, where something changed."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from common.config.schema import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.mapping.sight import OCCUPIED, Box
-from deploy.config import DeployConfig
-from deploy.mapping.cells import CellGrid
+from deploy.config import SensingConfig
 from deploy.mapping.footprint import clear_footprint, footprint_box
-from deploy.mapping.pockets import Pockets
+from deploy.mapping.measured_grid import MeasuredGrid
 from deploy.mapping.rims import close_rims, rim_offsets
+from deploy.mapping.small_holes import SmallHoles
 
 
 class BeliefWriter:
     """Keeps the belief of one Mapper equal to a grid, but for the robot's own place, which is free.
 
-    In an exploration what is not worth a look, rims and pockets, is closed: shown as occupied. On the way to a target
+    In an exploration what is not worth a look, rims and holes, is closed: shown as occupied. On the way to a target
     nothing is, because the target may lie there. How much room the robot needs is the Mapper's business
     (``mapping.robot_radius``).
 
@@ -26,25 +27,40 @@ class BeliefWriter:
         mapper: whose belief it writes; its cells are those of the grid.
     """
 
-    def __init__(self, config: DeployConfig, cells: CellGrid, target: tuple[float, float] | None) -> None:
-        """Make a Mapper for a grid; ``target`` is the navigation target, metres."""
+    def __init__(
+        self,
+        mapping: MappingConfig,
+        sensing: SensingConfig,
+        cells: MeasuredGrid,
+        target: tuple[float, float] | None,
+        robot_radius: float,
+    ) -> None:
+        """Make a Mapper for a grid.
+
+        Args:
+            mapping: of the mapper.
+            sensing: where the grid comes from, and how large holes are closed.
+            cells: the grid.
+            target: of navigation, metres.
+            robot_radius: of the circle around the robot's centre that is free where the robot stands, metres.
+        """
         size = cells.resolution
         x, y = cells.anchor
         # Viewpoints in the middle of cells: edges along the grid touch one row of cells, not two.
         self.mapper = Mapper(
-            config.mapping,
+            mapping,
             lattice_origin=(x + size / 2, y + size / 2),
             bounds=(x, y, x + size, y + size),
             target=target,
         )
         self._cells = cells
-        self._radius = config.driving.robot_radius / size
-        self._rims = rim_offsets(size, config.mapping.robot_radius)
+        self._radius = robot_radius / size
+        self._rims = rim_offsets(size, mapping.robot_radius)
         self._reach = int(np.abs(self._rims).max(initial=0))
         self._robot_box: Box | None = None
-        self._pockets = Pockets(config.sensing.pocket, size)
+        self._holes = SmallHoles(sensing.hole_area, size)
         self._closing = True
-        self._moves = config.sensing.source == "grid"
+        self._moves = sensing.source == "grid"
 
     def write(self, pose: Pose) -> None:
         """Assign what changed since the last time, and the robot's own place where it stood and stands."""
@@ -53,10 +69,10 @@ class BeliefWriter:
         changed = cells.take_changes()
         regions = []
         closing = self.mapper.target is None
-        # The map of a SLAM may move as a whole: what enclosed a pocket once may not do so now.
+        # The map of a SLAM may move as a whole: what enclosed a hole once may not do so now.
         moved = self._moves and changed is not None
         if moved:
-            self._pockets.forget()
+            self._holes.forget()
         if moved or not self._same_extent() or closing != self._closing:
             regions.append((0, rows - 1, 0, columns - 1))
         else:
@@ -65,8 +81,8 @@ class BeliefWriter:
             if self._robot_box is not None:
                 regions.append(self._robot_box)
         self._closing = closing
-        row = (pose.y - cells.anchor[1]) / cells.resolution - cells.first[0]
-        column = (pose.x - cells.anchor[0]) / cells.resolution - cells.first[1]
+        row = (pose.y - cells.anchor[1]) / cells.resolution - cells.first_cell[0]
+        column = (pose.x - cells.anchor[0]) / cells.resolution - cells.first_cell[1]
         self._robot_box = None
         if 0.0 <= row < rows and 0.0 <= column < columns:
             self._robot_box = footprint_box((row, column), self._radius, (rows, columns))
@@ -78,23 +94,23 @@ class BeliefWriter:
                 clear_footprint(part, region, (row, column), self._radius)
             if closing:
                 close_rims(cells.states, self._rims, self._reach, region, part)
-                self._pockets.close(part, (cells.first[0] + top, cells.first[1] + left))
+                self._holes.close(part, (cells.first_cell[0] + top, cells.first_cell[1] + left))
             self._assign(region, part)
         if closing:
             self._close_new(regions)
 
     def _same_extent(self) -> bool:
         belief = self.mapper.belief
-        return belief.shape == self._cells.states.shape and belief.first_cell == self._cells.first
+        return belief.shape == self._cells.states.shape and belief.first_cell == self._cells.first_cell
 
     def _close_new(self, regions: list[Box]) -> None:
-        """Close pockets that what was written has cut off."""
+        """Close holes that what was written has cut off."""
         if not regions:
             return
         # The robot's own place lies in what it scans: one look at both together.
         tops, bottoms, lefts, rights = zip(*regions, strict=True)
         belief = self.mapper.belief
-        found = self._pockets.find(belief, (min(tops), max(bottoms), min(lefts), max(rights)))
+        found = self._holes.find(belief, (min(tops), max(bottoms), min(lefts), max(rights)))
         if len(found):
             (top, left), (bottom, right) = found.min(axis=0).tolist(), found.max(axis=0).tolist()
             part = belief.cells[top : bottom + 1, left : right + 1].copy()

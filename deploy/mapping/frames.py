@@ -7,8 +7,9 @@ from math import hypot
 from typing import Final
 
 from common.geometry import Pose
-from deploy.config import DeployConfig
+from deploy.config import SensingConfig
 from deploy.mapping.transforms import Transform, TransformTree
+from deploy.network_config import FramesConfig
 
 # A transform between two names of one frame may be off by so much, metres and radians.
 _SAME: Final = 0.01
@@ -33,13 +34,13 @@ class Frames:
     Where poses come by odometry, its frame is the one that the robot plans in, whatever its name.
     """
 
-    def __init__(self, config: DeployConfig, tree: TransformTree) -> None:
+    def __init__(self, frames: FramesConfig, sensing: SensingConfig, tree: TransformTree) -> None:
         """Look frames up in a tree that somebody else fills."""
         self._tree = tree
-        self._map = config.frames.map
-        self._base = config.frames.base
-        self._by_tf = config.sensing.pose == "tf"
-        self._offset_given = "sensor_offset" in config.sensing.model_fields_set
+        self._map = frames.map
+        self._base = frames.base
+        self._by_tf = sensing.pose == "tf"
+        self._offset_given = "sensor_offset" in sensing.model_fields_set
         self._odometry: str | None = None
         self._child = ""
 

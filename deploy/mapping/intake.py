@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from common.errors import MappingError
 from common.geometry import Pose, Scan
-from deploy.config import DeployConfig
+from deploy.config import SensingConfig
 from deploy.mapping.cloud import checked_points, project
 from deploy.mapping.frames import Frames, plain
 from deploy.mapping.log_odds import Beams
@@ -21,6 +21,7 @@ from deploy.mapping.placing import NoPlaceError, Placed, Placing, planar_scan
 from deploy.mapping.pose_buffer import PoseBuffer
 from deploy.mapping.transforms import Transform, TransformTree
 from deploy.mapping.volume import ExploredVolume
+from deploy.network_config import FramesConfig
 from deploy.safety.stamps import Order, StampOrder
 
 logger = logging.getLogger(__name__)
@@ -82,16 +83,16 @@ class Intake:
         volume: the explored volume.
     """
 
-    def __init__(self, config: DeployConfig) -> None:
-        sensing = config.sensing
-        self._config = config
+    def __init__(self, frames: FramesConfig, sensing: SensingConfig, farthest: float) -> None:
+        """Take nothing yet; ``farthest`` is the range of the sensor, metres: what is beyond is not used."""
+        self._names = frames
         self._sensing = sensing
-        self._range_max = min(sensing.range_max or config.mapping.sensor_range, config.mapping.sensor_range)
+        self._range_max = min(sensing.range_max or farthest, farthest)
         self._by_tf = sensing.pose == "tf"
         self._poses = PoseBuffer()
         self._tree = TransformTree()
-        self._frames = Frames(config, self._tree)
-        self._placing = Placing(config, self._tree, self._poses, self._frames)
+        self._frames = Frames(frames, sensing, self._tree)
+        self._placing = Placing(frames, sensing, self._tree, self._poses, self._frames)
         self._waiting: deque[_Waiting] = deque()
         self._clock = float("-inf")
         self._first_of_frame: dict[str, float] = {}
@@ -122,7 +123,7 @@ class Intake:
         if not self._by_tf:
             newest = self._poses.newest
             return None if newest is None else self._frames.base(newest[1])
-        frames = self._config.frames
+        frames = self._names
         time = self._tree.newest(frames.map, frames.base)
         found = None if time is None else self._tree.lookup(frames.map, frames.base, time, 0.0)
         return None if found is None else found.pose

@@ -14,17 +14,18 @@ from common.geometry import Pose, Scan
 from common.jit import njit
 from common.mapping.belief import RANGE_TOLERANCE
 from common.mapping.raycast import (
-    CORNER_TOLERANCE,
     FARTHEST,
     SUBCELL_BITS,
     SUBCELLS,
+    cell_behind_border,
+    enter_next_cell,
     ray_axis,
     ray_units,
     to_subcells,
 )
 from common.mapping.sight import FREE, OCCUPIED
 from deploy.config import SensingConfig
-from deploy.mapping.cells import CellGrid
+from deploy.mapping.measured_grid import MeasuredGrid
 
 # Beams that end so many standard deviations of the range noise behind a cell speak against a hit in it.
 GRAZE_DEVIATIONS: Final = 2.0
@@ -110,16 +111,7 @@ def _trace(
         ahead = min(next_x, next_y)
         while ahead < stop:
             passed[index] = max(passed[index], 1) + (hit and noise > 0.0 and ahead >= graze)
-            if next_x < next_y - CORNER_TOLERANCE:
-                index += step_x
-                next_x += delta_x
-            elif next_y < next_x - CORNER_TOLERANCE:
-                index += step_y
-                next_y += delta_y
-            else:
-                index += step_x + step_y
-                next_x += delta_x
-                next_y += delta_y
+            index, next_x, next_y = enter_next_cell(index, step_x, step_y, next_x, next_y, delta_x, delta_y)
             ahead = min(next_x, next_y)
         if not hit:
             passed[index] = max(passed[index], 1)
@@ -128,15 +120,9 @@ def _trace(
         else:
             # The beam ended at a border and met the cell behind it; at a corner it does not tell which.
             passed[index] = max(passed[index], 1) + (noise > 0.0)
-            if abs(next_x - next_y) > CORNER_TOLERANCE:
-                if next_x < next_y:
-                    index += step_x
-                    next_x += delta_x
-                else:
-                    index += step_y
-                    next_y += delta_y
-                if min(next_x, next_y) > exact_end:
-                    ended[index] += 1
+            met = cell_behind_border(index, step_x, step_y, next_x, next_y, delta_x, delta_y, exact_end)
+            if met >= 0:
+                ended[met] += 1
 
 
 @njit(cache=True, nogil=True)
@@ -183,7 +169,7 @@ def _apply(
     return row_low, row_high, column_low, column_high
 
 
-class LogOddsGrid(CellGrid):
+class LogOddsGrid(MeasuredGrid):
     """A grid whose cells remember how probable an obstacle is, and can change their mind.
 
     Each scan counts once per cell, as a hit or as a miss, however many beams met it. Probabilities are clamped, so that
@@ -243,19 +229,18 @@ class LogOddsGrid(CellGrid):
             self.resolution,
             self._noise,
         )
-        top, left = row - self.first[0], column - self.first[1]
+        top, left = row - self._first[0], column - self._first[1]
         box = _apply(self._log_odds, self.states, passed, ended, top, left, *self._evidence)
         if box[1] >= 0:
             self.note(box)
 
-    def _move(self, low: tuple[int, int], shape: tuple[int, int]) -> None:
-        rows, columns = self._log_odds.shape
-        down, right = self.first[0] - low[0], self.first[1] - low[1]
-        log_odds = np.zeros(shape, dtype=np.float32)
-        if rows:
-            log_odds[down : down + rows, right : right + columns] = self._log_odds
+    def _move(self, before: tuple[int, int, int, int] | None) -> None:
+        log_odds = np.zeros(self._shape, dtype=np.float32)
+        if before is not None:
+            top, bottom, left, right = before
+            log_odds[top:bottom, left:right] = self._log_odds
         self._log_odds = log_odds
-        super()._move(low, shape)
+        super()._move(before)
 
 
 def _log_odds_of(probability: float) -> float:

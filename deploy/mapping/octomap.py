@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from common.extras import optional
 from common.mapping.sight import FREE, OCCUPIED, UNKNOWN
 from deploy.config import SensingConfig
-from deploy.mapping.cells import CellGrid
 from deploy.mapping.intake import Cloud
+from deploy.mapping.measured_grid import MeasuredGrid
 
 # What `OcTree.getLabels` calls the states of a voxel.
 _LABELS = {1: OCCUPIED, 0: FREE}
@@ -37,7 +37,7 @@ class OctoMap:
         with optional("sensing.octomap", "octomap", instead="set sensing.octomap to false"):
             import pyoctomap
 
-        self.columns = CellGrid(config.octomap_resolution, (0.0, 0.0))
+        self.columns = MeasuredGrid(config.octomap_resolution, (0.0, 0.0))
         self._config = config
         self._range_max = range_max
         self._tree: Any = pyoctomap.OcTree(config.octomap_resolution)

@@ -10,11 +10,12 @@ import numpy as np
 
 from common.errors import MappingError
 from common.geometry import Pose, Scan
-from deploy.config import DeployConfig
+from deploy.config import SensingConfig
 from deploy.mapping.frames import Frames, Place
 from deploy.mapping.log_odds import Beams
 from deploy.mapping.pose_buffer import PoseBuffer
 from deploy.mapping.transforms import Transform, TransformTree
+from deploy.network_config import FramesConfig
 
 # A base may lie so high above the floor, metres; beyond that TF and the configured height of the lidar disagree.
 _HEIGHT_OFF: Final = 0.4
@@ -56,11 +57,13 @@ class Placed:
 class Placing:
     """Finds the places of messages by poses, transforms and the configuration; not thread-safe."""
 
-    def __init__(self, config: DeployConfig, tree: TransformTree, poses: PoseBuffer, frames: Frames) -> None:
-        """Look things up in what somebody else fills."""
-        self._sensing = config.sensing
-        self._by_tf = config.sensing.pose == "tf"
-        self._map, self._base = config.frames.map, config.frames.base
+    def __init__(
+        self, names: FramesConfig, sensing: SensingConfig, tree: TransformTree, poses: PoseBuffer, frames: Frames
+    ) -> None:
+        """Look things up in what somebody else fills; ``names`` are those of the frames."""
+        self._sensing = sensing
+        self._by_tf = sensing.pose == "tf"
+        self._map, self._base = names.map, names.base
         self._tree = tree
         self._poses = poses
         self._frames = frames

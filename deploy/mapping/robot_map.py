@@ -16,9 +16,9 @@ from common.geometry import Pose, Scan
 from common.mapping.mapper import Mapper
 from deploy.config import DeployConfig
 from deploy.mapping.belief_writer import BeliefWriter
-from deploy.mapping.cells import CellGrid
 from deploy.mapping.intake import Intake, StampedTransform
 from deploy.mapping.log_odds import Beams, LogOddsGrid
+from deploy.mapping.measured_grid import MeasuredGrid
 from deploy.mapping.octomap import OctoMap
 from deploy.mapping.slam_grid import SlamGrid, resample, strangeness
 from deploy.mapping.transforms import Transform
@@ -77,14 +77,14 @@ class RobotMap:
         # The intake is filled by subscriber threads and must never wait for the map's arithmetic.
         self._intake_lock = threading.Lock()
         self._map_lock = threading.Lock()
-        self._intake = Intake(config)
+        self._intake = Intake(config.frames, config.sensing, config.mapping.sensor_range)
         self._grids_received = 0
         self._grid_order = StampOrder()
         # The newest map is kept: one that is latched comes only once.
         self._grid_newest: tuple[SlamGrid, str] | None = None
         self._grid_pending: tuple[SlamGrid, str] | None = None
         self._target = target
-        self._cells: CellGrid | None = None
+        self._cells: MeasuredGrid | None = None
         self._writer: BeliefWriter | None = None
         self._octomap: OctoMap | None = None
         self._integrated = 0
@@ -218,7 +218,13 @@ class RobotMap:
             if pose is None or self._cells is None or self._cells.empty:
                 return None
             if self._writer is None:
-                self._writer = BeliefWriter(self._config, self._cells, self._target)
+                self._writer = BeliefWriter(
+                    self._config.mapping,
+                    self._config.sensing,
+                    self._cells,
+                    self._target,
+                    self._config.driving.robot_radius,
+                )
             self._writer.write(pose)
             self._writer.mapper.update(pose)
             return self._writer.mapper
@@ -317,7 +323,7 @@ class RobotMap:
             return
         mapping = self._config.mapping
         if self._cells is None:
-            self._cells = CellGrid(mapping.resolution, self._near_anchor(sensor[:2]))
+            self._cells = MeasuredGrid(mapping.resolution, self._near_anchor(sensor[:2]))
         columns = octomap.columns
         (x, y), voxel = columns.origin, columns.resolution
         top, bottom, left, right = changed
@@ -354,7 +360,7 @@ class RobotMap:
             if self._cells is None:
                 # Cells on the corners of the SLAM's own need no resampling where the sizes agree.
                 anchor = grid.origin[:2] if abs(grid.origin[2]) < 1e-6 else self._near_anchor(grid.origin[:2])
-                self._cells = CellGrid(mapping.resolution, anchor)
+                self._cells = MeasuredGrid(mapping.resolution, anchor)
             self._cells.replace(*resample(grid, sensing, mapping.resolution, self._cells.anchor))
             self._integrated += 1
         except MappingError as error:

@@ -13,7 +13,7 @@ from common.errors import MappingError
 from common.jit import njit
 from common.mapping.sight import FREE, OCCUPIED, UNKNOWN
 from deploy.config import SensingConfig
-from deploy.mapping.cells import MAX_CELLS
+from deploy.mapping.measured_grid import MAX_CELLS
 
 # A cell that reaches into another by less than this share of the other is beside it: origins are rounded numbers.
 SHARE_TOLERANCE: Final = 0.01

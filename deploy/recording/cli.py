@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import tempfile
 import threading
 from collections.abc import Sequence
@@ -18,6 +17,7 @@ from common.cli import command_errors, message_console, output_console
 from common.logs import setup_logging
 from common.progress import Steps, tell_of_kernels
 from common.registry import refuse_modules
+from common.signals import stopping_signals
 from deploy.config import DeployConfig
 from deploy.profiles import load_deploy_config, named_parts
 
@@ -81,7 +81,7 @@ def record(
 ) -> None:
     """Record a robot's topics into a bag that ROS 2 and Foxglove open; it can be read whenever the recorder ends."""
     setup_logging(log_level)
-    from deploy.recording.recorder import Recorder
+    from deploy.recording.bag_recorder import BagRecorder
     from deploy.recording.viewer import Viewer
     from deploy.recording.writer import BagWriter
 
@@ -89,19 +89,12 @@ def record(
     folder = out or Path("recordings") / datetime.now().astimezone().strftime("%Y-%m-%d-%H-%M-%S")
     listener = Viewer(resolved.ros.distro).show if rerun else None
     stop = threading.Event()
-    previous = signal.signal(signal.SIGTERM, lambda *_: stop.set())
-    try:
-        with (
-            BagWriter(folder, resolved.ros.distro, compression, resolved) as bag,
-            Recorder(resolved, bag, topics or (), exclude or (), listener) as recorder,
-        ):
-            try:
-                recorder.run(stop, duration or float("inf"))
-            except KeyboardInterrupt:
-                # The usual way to end a recording.
-                stop.set()
-    finally:
-        signal.signal(signal.SIGTERM, previous)
+    with (
+        stopping_signals(stop.set, stop.is_set),
+        BagWriter(folder, resolved.ros.distro, compression, resolved) as bag,
+        BagRecorder(resolved.ros, bag, topics or (), exclude or (), listener) as recorder,
+    ):
+        recorder.run(stop, duration or float("inf"))
     typer.echo(f"{bag.count} messages on {len(bag.topics)} topics, {bag.size / 1e6:.1f} MB: {folder}")
 
 
@@ -130,10 +123,10 @@ def replay(
     Parameters are those of the recording, unless --profile or --config gives others; --set changes single ones.
     """
     setup_logging(log_level or "warning")
+    from deploy.recording.bag_player import BagPlayer, has_decisions
     from deploy.recording.checks import Checks
     from deploy.recording.comparison import compare
     from deploy.recording.reader import read_bag, recorded_config
-    from deploy.recording.replay import Replay, has_decisions
     from deploy.recording.report import show, summary
     from deploy.recording.viewer import Viewer
 
@@ -155,7 +148,7 @@ def replay(
     if not checks_only:
         console = message_console()
         tell_of_kernels(console, "common", "deploy")
-        again = Replay(resolved, not has_decisions(checks.topics, resolved))
+        again = BagPlayer(resolved, not has_decisions(checks.topics, resolved.topics, resolved.ros.namespace))
         with Steps(console, "messages") as steps:
             total = sum(topic.count for topic in checks.topics.values())
             replayed = again.run(steps.track("replay", read_bag(path), total))

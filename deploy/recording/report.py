@@ -9,12 +9,12 @@ import numpy as np
 from rich.console import Console
 
 from common.cli import whole_table
+from deploy.recording.bag_player import Playback
 from deploy.recording.checks import Checks, histogram
 from deploy.recording.comparison import Comparison
-from deploy.recording.replay import Replayed
 
 
-def summary(checks: Checks, replayed: Replayed | None, comparison: Comparison | None) -> dict[str, Any]:
+def summary(checks: Checks, replayed: Playback | None, comparison: Comparison | None) -> dict[str, Any]:
     """Return everything as plain values, ready for JSON."""
     result: dict[str, Any] = {
         "duration": round(checks.duration, 3),

@@ -7,10 +7,10 @@ import threading
 
 from common.bus.endpoint import is_loopback
 from common.errors import ConfigError
+from common.signals import stopping_signals
 from deploy.config import DeployConfig
 from deploy.relay.relay import Relay
 from deploy.ros2.session import guest_of
-from deploy.signals import stopping_signals
 
 log = logging.getLogger(__name__)
 
@@ -22,7 +22,7 @@ def run_relay(config: DeployConfig) -> None:
         HDError: it cannot start.
     """
     stop = threading.Event()
-    with stopping_signals(stop), Relay(config) as relay:
+    with stopping_signals(stop.set, stop.is_set), Relay(config) as relay:
         ros = config.ros
         where = ", ".join(ros.listen or ros.connect)
         log.info(

@@ -14,8 +14,8 @@ from common.closing import Closing
 from common.errors import BusError
 from deploy.config import DeployConfig
 from deploy.relay.dds import DdsNode, domain_of
+from deploy.relay.graph_monitor import GraphMonitor
 from deploy.relay.lanes import Lane, ToBridge, ToRobot
-from deploy.relay.oversight import Oversight
 from deploy.relay.routes import Direction, routes_of
 from deploy.relay.standstill import Standstill
 from deploy.ros2 import Node, RosError
@@ -76,7 +76,7 @@ class Relay(Closing):
                 ToBridge(route, self._dds, self._node) for route in routes if route.direction is Direction.TO_BRIDGE
             ]
             self._services = self._offer_services()
-            self._oversight = Oversight(self._dds, self._lanes, ros.distro)
+            self._monitor = GraphMonitor(self._dds, self._lanes, ros.distro)
             name = relay_name(config.name)
             enter(ControlServer(self._node.session, name, lambda _: self.status(), ("status",)))
         except BaseException:
@@ -99,7 +99,7 @@ class Relay(Closing):
                 lane.adapt()
             if now >= next_look:
                 next_look = now + _LOOK
-                self._oversight.look(now - self._began)
+                self._monitor.look(now - self._began)
             if now >= next_counters:
                 next_counters = now + _COUNTERS
                 log.info("%s", self.counters())
@@ -127,7 +127,7 @@ class Relay(Closing):
             "stopping": self._standstill.stopping,
             "services": self._services,
             "lost": sum(lane.lost for lane in self._lanes),
-            "problems": self._oversight.problems,
+            "problems": self._monitor.problems,
             "to_bridge": {lane.route.topic: lane.status(now) for lane in self._to_bridge},
             "to_robot": {lane.route.topic: lane.status(now) for lane in self._to_robot},
         }
@@ -145,7 +145,13 @@ class Relay(Closing):
             return next((lane for lane in self._to_robot if topic and lane.route.topic == full), None)
 
         velocity, stop, watchdog = (lane_of(topic) for topic in (topics.velocity, topics.stop, topics.watchdog))
-        standstill = Standstill(self._config, velocity.send if velocity else None, stop.send if stop else None)
+        standstill = Standstill(
+            self._config.safety,
+            self._config.driving.message,
+            self._config.ros.distro,
+            velocity.send if velocity else None,
+            stop.send if stop else None,
+        )
         if velocity is not None:
             velocity.tell = lambda payload: standstill.heard_velocity(payload, time.monotonic())
         if stop is not None:

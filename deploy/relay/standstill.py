@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable
 from typing import Final
 
-from deploy.config import DeployConfig
+from deploy.config import SafetyConfig
 from deploy.ros2.conversions import velocity_from
 from deploy.ros2.errors import RosError
 from deploy.ros2.messages import deserialize, message, serialize
@@ -31,23 +31,27 @@ class Standstill:
 
     def __init__(
         self,
-        config: DeployConfig,
+        safety: SafetyConfig,
+        kind: str,
+        distro: str,
         velocity: Callable[[bytes], None] | None,
         stop: Callable[[bytes], None] | None,
     ) -> None:
         """Watch over a robot.
 
         Args:
-            config: of the robot.
+            safety: times of silence.
+            kind: type of velocities, ``Twist`` or ``TwistStamped``.
+            distro: the robot's ROS distribution.
             velocity: publishes on the velocity topic in DDS; None where there is none.
             stop: publishes on the stop topic in DDS; None where there is none.
         """
-        self._config = config
-        self._kind = f"geometry_msgs/msg/{config.driving.message}"
+        self._safety = safety
+        self._distro = distro
+        self._kind = f"geometry_msgs/msg/{kind}"
         self._velocity = velocity
         self._stop = stop
         self._lock = threading.Lock()
-        distro = config.ros.distro
         self._zero = serialize(message(self._kind, distro), self._kind, distro)
         self._levels = {
             level: serialize(message("std_msgs/msg/Int8", distro, data=level), "std_msgs/msg/Int8", distro)
@@ -68,7 +72,7 @@ class Standstill:
     def heard_velocity(self, payload: bytes, now: float) -> None:
         """Note a velocity of the watchdog that has just gone to the robot."""
         try:
-            moving = velocity_from(deserialize(payload, self._kind, self._config.ros.distro)) != (0.0, 0.0)
+            moving = velocity_from(deserialize(payload, self._kind, self._distro)) != (0.0, 0.0)
         except RosError:
             # What cannot be read may move it.
             moving = True
@@ -84,7 +88,7 @@ class Standstill:
     def heard_watchdog(self, payload: bytes, now: float) -> None:
         """Note what the watchdog tells about itself."""
         try:
-            mode = json.loads(deserialize(payload, "std_msgs/msg/String", self._config.ros.distro).data)["mode"]
+            mode = json.loads(deserialize(payload, "std_msgs/msg/String", self._distro).data)["mode"]
         except (RosError, ValueError, KeyError, TypeError):
             return
         with self._lock:
@@ -102,7 +106,7 @@ class Standstill:
         with self._lock:
             self._look(now)
             # As long as the watchdog itself does when its bridge has died.
-            if self._began is None or now - self._began > self._config.safety.zero_for or now < self._next:
+            if self._began is None or now - self._began > self._safety.zero_for or now < self._next:
                 return
             self._next = now + _PERIOD
             self._moving = False
@@ -122,7 +126,7 @@ class Standstill:
 
     def _look(self, now: float) -> None:
         """Begin to stop the robot where it has to be; the lock is held."""
-        limit = self._config.safety.bridge_timeout
+        limit = self._safety.bridge_timeout
         if self._clear and not self._lost_watchdog and now - self._heard_watchdog > WATCHDOG_SILENT:
             self._lost_watchdog = True
             self._begin(now, f"nothing was heard of the watchdog for {WATCHDOG_SILENT:g} s")

@@ -15,11 +15,11 @@ from common.cli import command_errors, message_console
 from common.errors import ConfigError
 from common.extras import optional
 from common.logs import setup_logging
+from common.signals import stopping_signals
 from common.tasks import TASKS
 from deploy.config import DeployConfig
 from deploy.profiles import load_deploy_config
 from deploy.robot.options import DEFAULT_SCALE, RobotOptions
-from deploy.signals import stopping_signals
 
 DEFAULTS = RobotOptions()
 Position = tuple[float, float]
@@ -128,7 +128,7 @@ def robot(
     )
     resolved = robot_config(load_deploy_config(config, settings or (), os.environ, profile), connect, listen)
     stop = threading.Event()
-    with stopping_signals(stop):
+    with stopping_signals(stop.set, stop.is_set):
         run_robot(options, resolved, stop, seconds)
 
 
@@ -181,7 +181,7 @@ def demo(
         settings=[*suited_settings(world), *(settings or ())],
     )
     stop = threading.Event()
-    with stopping_signals(stop):
+    with stopping_signals(stop.set, stop.is_set):
         verdict = run_demo(trial, folder, trial.ample_seconds if limit is None else limit, stop, console, video or None)
     typer.echo(json.dumps(verdict.to_json(), indent=2))
     if not verdict.success and not stop.is_set():

@@ -21,7 +21,7 @@ class DriveBase:
         self._timeout = options.command_timeout / min(1.0, options.speed_factor)
         self._lock = threading.Lock()
         self._waiting: deque[tuple[float, float, float, float]] = deque()
-        self._wish = (0.0, 0.0)
+        self._command = (0.0, 0.0)
         self._heard = -math.inf
         self._speed = 0.0
         self._turn_rate = 0.0
@@ -58,10 +58,10 @@ class DriveBase:
         """
         with self._lock:
             while self._waiting and self._waiting[0][0] <= time:
-                _, self._heard, *wish = self._waiting.popleft()
-                self._wish = (wish[0], wish[1])
+                _, self._heard, *command = self._waiting.popleft()
+                self._command = (command[0], command[1])
         options = self._options
-        speed, turn_rate = self._wish if now - self._heard <= self._timeout else (0.0, 0.0)
+        speed, turn_rate = self._command if now - self._heard <= self._timeout else (0.0, 0.0)
         speed = max(-options.max_speed, min(options.max_speed, speed))
         turn_rate = max(-options.max_turn_rate, min(options.max_turn_rate, turn_rate))
         self._speed = _ramp(self._speed, speed, options.acceleration * interval, options.deceleration * interval)

@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from common.config.schema import Positive, Section
-from deploy.config import DeployConfig, NonNegative
+from deploy.config import DrivingConfig, NonNegative
+from deploy.network_config import TopicsConfig
 
 DEFAULT_SCALE = 0.1875
 """Metres per pixel: doors of a generated office are 8 pixels wide and must let viewpoints 1 m apart through."""
@@ -58,10 +59,10 @@ class RobotOptions(Section):
     follow: bool | None = None
     """Drive to waypoints itself, as the CMU stack and nav2 do; when not given, where the bridge does not drive."""
 
-    def lidar_layers(self, config: DeployConfig) -> Literal[1, 16]:
+    def lidar_layers(self, topics: TopicsConfig) -> Literal[1, 16]:
         """Layers of the lidar behind the topics of a profile."""
-        return self.layers or (16 if config.topics.points else 1)
+        return self.layers or (16 if topics.points else 1)
 
-    def follows(self, config: DeployConfig) -> bool:
+    def follows(self, driving: DrivingConfig) -> bool:
         """Whether the robot drives to waypoints itself."""
-        return not config.driving.enabled if self.follow is None else self.follow
+        return not driving.enabled if self.follow is None else self.follow

@@ -16,6 +16,7 @@ from common.config.schema import SimulatorConfig
 from common.extras import optional
 from common.geometry import Pose, Scan
 from deploy.config import DeployConfig
+from deploy.network_config import TopicsConfig
 from deploy.robot.drive_base import DriveBase
 from deploy.robot.follower import WaypointFollower
 from deploy.robot.odometry import Odometry, compose, correction, relative
@@ -90,10 +91,10 @@ class SimulatedRobot(Closing):
         self.options = options
         self._config = config
         self.world = centred(load_world(options))
-        self._simulator = _simulator(options, config)
+        self._simulator = _simulator(options, config.topics, config.mapping.sensor_range)
         self.interval = _control_interval()
         self.base = DriveBase(options)
-        self.follower = WaypointFollower(config.driving) if options.follows(config) else None
+        self.follower = WaypointFollower(config.driving) if options.follows(config.driving) else None
         self._steps = 0
         self._truth = self._simulator.reset(self.world, options.seed)
         self._odometry = Odometry(self._truth, options.odometry_drift, options.seed)
@@ -145,8 +146,8 @@ class SimulatedRobot(Closing):
         before = self._truth
         if self.follower is not None and self._follow_timer.due(time):
             period = 1.0 / self._config.driving.rate
-            wish = self.follower.command(before, self.base.commanded, self._obstacles, period, now)
-            self.base.receive(*wish, now, time)
+            command = self.follower.command(before, self.base.commanded, self._obstacles, period, now)
+            self.base.receive(*command, now, time)
         truth = self._simulator.advance(*self.base.advance(now, time, self.interval))
         self._steps += 1
         self._truth = truth
@@ -245,18 +246,18 @@ def centred(world: GridMap) -> GridMap:
     )
 
 
-def _simulator(options: RobotOptions, config: DeployConfig) -> DynamicSimulator:
+def _simulator(options: RobotOptions, topics: TopicsConfig, sensor_range: float) -> DynamicSimulator:
     with optional("hd-deploy robot", "pybullet"):
         from actors.simulators.dynamic import DynamicSimulator
 
     settings = SimulatorConfig(
         fidelity="dynamic",
         rays=options.rays,
-        lidar_layers=options.lidar_layers(config),
+        lidar_layers=options.lidar_layers(topics),
         range_noise=options.range_noise,
         speed=options.max_speed,
     )
-    return DynamicSimulator(settings, config.mapping.sensor_range)
+    return DynamicSimulator(settings, sensor_range)
 
 
 def _control_interval() -> float:

@@ -15,7 +15,7 @@ from deploy.ros2.messages import Message, header, message, typestore
 Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity from 0 to 1."""
 
-SPHERE, LINE_LIST, CUBE_LIST, SPHERE_LIST, TEXT = 2, 5, 6, 7, 9
+LINE_LIST, CUBE_LIST, SPHERE_LIST, TEXT = 5, 6, 7, 9
 DELETE_ALL = 3
 
 

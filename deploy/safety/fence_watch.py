@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 from common.errors import MappingError
 from common.geometry import Pose
-from deploy.config import DeployConfig
 from deploy.mapping.transforms import TransformTree
+from deploy.network_config import FramesConfig, TopicsConfig
 from deploy.ros2 import SENSOR, STATIC, Message, Node, QoS, Received
 from deploy.ros2.conversions import pose_from, transforms_from
 from deploy.safety.geofence import Geofence
@@ -24,23 +24,31 @@ class FenceWatch:
 
     Usage::
 
-        FenceWatch(config, lambda outside: print(outside or "inside")).subscribe(node)
+        FenceWatch(fence, topics, frames, lambda outside: print(outside or "inside")).subscribe(node)
     """
 
-    def __init__(self, config: DeployConfig, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        fence: Geofence,
+        topics: TopicsConfig,
+        frames: FramesConfig,
+        tell: Callable[[str], None],
+        *,
+        by_tf: bool = False,
+    ) -> None:
         """Know nothing yet.
 
         Args:
-            config: whole tree.
+            fence: that the robot must be inside with all of it.
+            topics: names of those that tell poses.
+            frames: names of the map's and of the robot's.
             tell: called from the threads of subscriptions with where the robot stands outside, empty when it is inside.
-
-        Raises:
-            ConfigError: `safety.geofence` is no polygon.
+            by_tf: poses come by transforms, not by odometry.
         """
-        self._fence = Geofence(config.safety.geofence)
-        self._by_tf = config.sensing.pose == "tf"
-        self._topics = config.topics
-        self._frames = config.frames
+        self._fence = fence
+        self._by_tf = by_tf
+        self._topics = topics
+        self._frames = frames
         self._tell = tell
         self._tree = TransformTree()
         self._lock = threading.Lock()
@@ -85,7 +93,7 @@ class FenceWatch:
                 self._at(found.pose)
 
     def _at(self, pose: Pose) -> None:
-        inside = self._fence.contains(pose.position)
+        inside = self._fence.holds(pose)
         if inside != self._inside:
             self._inside = inside
             self._tell("" if inside else f"({pose.x:.2f}, {pose.y:.2f})")

@@ -50,7 +50,7 @@ def behind_watchdog(ros: RosConfig) -> RosConfig:
 
 
 class VelocityGate(Closing):
-    """Start the watchdog process, tell it what the bridge wishes, and hear what it does.
+    """Start the watchdog process, tell it what the bridge commands, and hear what it does.
 
     The watchdog owns the velocity topic (and `/stop`); the bridge itself never publishes there. No call but the
     constructor and `close` blocks. A thread tells the watchdog four times per `safety.bridge_timeout` that the bridge
@@ -59,7 +59,7 @@ class VelocityGate(Closing):
     Usage::
 
         with VelocityGate(config) as gate, Node(behind_watchdog(config.ros)) as node:
-            gate.wish(0.5, 0.1)  # at driving.rate
+            gate.command(0.5, 0.1)  # at driving.rate
             if not gate.state.clear:
                 log.info("the robot is stopped: %s", gate.state.reason)
     """
@@ -95,20 +95,22 @@ class VelocityGate(Closing):
 
     def use_when_watchdog_dies(self, node: Node) -> None:
         """Let the bridge's node stop the robot while the watchdog hangs, and until a new one has started."""
-        self._fallback = VelocityOutput(node, self._config)
+        self._fallback = VelocityOutput(
+            node, self._config.topics, self._config.driving.message, self._config.frames.base
+        )
 
-    def wish(self, linear: float, angular: float) -> None:
+    def command(self, linear: float, angular: float) -> None:
         """Ask for a velocity (m/s, rad/s); it ends a hold, and is forgotten after `safety.bridge_timeout`."""
         self._last_hold = None
-        self._send("wish", linear=float(linear), angular=float(angular))
+        self._send("command", linear=float(linear), angular=float(angular))
 
     def hold(self, reason: str) -> None:
-        """Ask for zero velocity until the next `wish` or `resume`."""
+        """Ask for zero velocity until the next `command` or `resume`."""
         self._last_hold = reason
         self._send("hold", reason=reason)
 
     def resume(self) -> None:
-        """End a hold without a wish, when the robot's own stack drives."""
+        """End a hold without a command, when the robot's own stack drives."""
         self._last_hold = None
         self._send("resume")
 

@@ -25,10 +25,10 @@ class GateMode(StrEnum):
     """Zeros: the robot is outside `safety.geofence`."""
     HELD = "held"
     """Zeros: the bridge asked for them."""
-    WISH_STALE = "wish_stale"
-    """Zeros: the bridge drives, but its last wish is too old."""
+    COMMAND_STALE = "command_stale"
+    """Zeros: the bridge drives, but its last command is too old."""
     CLEAR = "clear"
-    """The bridge's wishes pass, or, when the robot's own stack drives, nothing is sent."""
+    """The bridge's commands pass, or, when the robot's own stack drives, nothing is sent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class GateState:
         pose_age: seconds since the last pose; None before the first.
         linear: last velocity sent, m/s.
         angular: last velocity sent, rad/s.
-        clipped: the last wish was beyond the limits.
+        clipped: the last command was beyond the limits.
         alive: the watchdog process runs and reports.
     """
 

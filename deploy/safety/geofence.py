@@ -1,15 +1,16 @@
-"""The polygon that the robot must not leave."""
+"""The polygon that the robot must not leave, with no part of it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
+from math import cos, sin
 
 from shapely import LineString, Polygon, is_valid_reason, prepare
 from shapely import Point as ShapelyPoint
 
 from common.errors import ConfigError
-from deploy.config import Point
+from common.geometry import Pose
+from deploy.config import DeployConfig, Point
 
 
 class Geofence:
@@ -18,17 +19,21 @@ class Geofence:
     Its edge belongs to it.
     """
 
-    def __init__(self, corners: Sequence[Point], margin: float = 0.0) -> None:
-        """Take the polygon, shrunk by a margin (such as the robot's radius).
+    def __init__(self, corners: Sequence[Point], margin: float = 0.0, outline: Sequence[Point] = ()) -> None:
+        """Take the polygon, shrunk by a margin for the robot's centre (such as the robot's radius).
 
         Args:
             corners: (x, y) in the map frame, metres; empty for no fence.
-            margin: metres to keep from the edge.
+            margin: metres that the robot's centre keeps from the edge.
+            outline: corners of the robot in its own frame, metres; empty for a robot that is inside when its centre
+                keeps the margin.
 
         Raises:
             ConfigError: the corners make no polygon, or the margin leaves nothing of it.
         """
-        self._polygon: Polygon | None = None
+        self._outline = tuple(outline)
+        self._whole: Polygon | None = None
+        self._inner: Polygon | None = None
         if not corners:
             return
         polygon = Polygon(corners) if len(corners) >= 3 else None
@@ -41,35 +46,42 @@ class Geofence:
         inner = polygon.buffer(-margin) if margin else polygon
         if inner.is_empty:
             raise ConfigError(f"geofence leaves no room inside a margin of {margin:g} m: make it larger")
-        prepare(inner)
-        self._polygon = inner
+        for shape in (polygon, inner):
+            prepare(shape)
+        self._whole, self._inner = polygon, inner
 
-    @property
-    def exists(self) -> bool:
-        """Whether there is a fence."""
-        return self._polygon is not None
+    @classmethod
+    def around_robot(cls, config: DeployConfig) -> Geofence:
+        """Return the fence that the robot of a configuration must be inside with all of its footprint.
+
+        Raises:
+            ConfigError: as for a new fence.
+        """
+        driving = config.driving
+        # The graph may keep less room than the default radius of a robot that another stack drives.
+        radius = min(driving.robot_radius, config.mapping.robot_radius)
+        return cls(config.safety.geofence, radius, driving.footprint)
 
     def contains(self, position: Point) -> bool:
-        """Whether a position (x, y) lies inside."""
-        return self._polygon is None or bool(self._polygon.covers(ShapelyPoint(position)))
+        """Whether a position (x, y) of the robot's centre lies inside, with the margin."""
+        return self._inner is None or bool(self._inner.covers(ShapelyPoint(position)))
+
+    def holds(self, pose: Pose) -> bool:
+        """Whether the robot lies inside with all of it when it stands at a pose."""
+        if self._whole is None or not self._outline:
+            return self.contains(pose.position)
+        c, s = cos(pose.yaw), sin(pose.yaw)
+        outline = [(pose.x + c * x - s * y, pose.y + s * x + c * y) for x, y in self._outline]
+        return bool(self._whole.covers(Polygon(outline)))
 
     def allows(self, start: Point, end: Point) -> bool:
-        """Whether the straight line between two positions lies inside."""
-        if self._polygon is None:
-            return True
-        return bool(self._polygon.covers(LineString([start, end]) if start != end else ShapelyPoint(start)))
+        """Whether the robot's centre may go straight from one position to another: inside, with the margin.
 
-    def clip(self, path: Sequence[Point]) -> list[Point]:
-        """Cut a path off before the first of its points that cannot be reached inside; empty if none can.
-
-        The first point itself, where the robot stands, may lie outside: then only the way straight back in is kept.
+        One that starts in the margin, as robots do that were put or drifted there, may go back in.
         """
-        if self._polygon is None or not path:
-            return list(path)
-        kept = [path[0]] if self.contains(path[0]) else []
-        for start, end in pairwise(path):
-            returns = not kept and self.contains(end)
-            if not (returns or (kept and self.allows(start, end))):
-                break
-            kept = [start, end] if returns else [*kept, end]
-        return kept
+        if self._inner is None or self._whole is None:
+            return True
+        way = LineString([start, end]) if start != end else ShapelyPoint(start)
+        if self._inner.covers(way):
+            return True
+        return not self.contains(start) and self.contains(end) and bool(self._whole.covers(way))

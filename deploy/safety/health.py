@@ -38,7 +38,7 @@ class HealthMonitor:
 
         Args:
             config: timeouts, speed limit and permitted jump.
-            fence: where the robot may be; made from the configuration when not given.
+            fence: where the robot may be; that of its centre alone when not given.
             sensor: name of the sensor for the operator: scan, points or grid.
         """
         self._config = config
@@ -153,7 +153,7 @@ class HealthMonitor:
             faults.append(Fault(FaultKind.POSE_JUMP, self._jump[1]))
         if self._policy_error is not None:
             faults.append(Fault(FaultKind.POLICY_ERROR, f"the planner failed: {self._policy_error}"))
-        if self._pose is not None and not self._fence.contains(self._pose[2].position):
+        if self._pose is not None and not self._fence.holds(self._pose[2]):
             faults.append(Fault(FaultKind.GEOFENCE, f"the robot is outside the geofence at {_text(self._pose[2])}"))
         if waypoint is not None:
             if not self._fence.contains(waypoint):

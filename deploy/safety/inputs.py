@@ -60,8 +60,15 @@ class WatchdogInputs:
         if config.safety.geofence:
             # Imported where there is a fence alone: a watchdog has to be at work soon.
             from deploy.safety.fence_watch import FenceWatch
+            from deploy.safety.geofence import Geofence
 
-            FenceWatch(config, self._heard_fence).subscribe(node)
+            FenceWatch(
+                Geofence.around_robot(config),
+                topics,
+                config.frames,
+                self._heard_fence,
+                by_tf=config.sensing.pose == "tf",
+            ).subscribe(node)
         topic, kind, qos = {
             "scan": (topics.scan, "sensor_msgs/msg/LaserScan", SENSOR),
             "points": (topics.points, "sensor_msgs/msg/PointCloud2", SENSOR),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from deploy.config import DeployConfig
-from deploy.ros2 import Node, Publisher, header, message
+from deploy.network_config import TopicsConfig
+from deploy.ros2 import Node, Publisher, message
+from deploy.ros2.conversions import twist, twist_stamped
 
 
 class VelocityOutput:
@@ -12,15 +13,21 @@ class VelocityOutput:
     Only the watchdog uses it; the bridge does for the moment in which there is no watchdog.
     """
 
-    def __init__(self, node: Node, config: DeployConfig) -> None:
+    def __init__(self, node: Node, topics: TopicsConfig, kind: str, frame: str) -> None:
         """Declare the publishers.
+
+        Args:
+            node: of the watchdog.
+            topics: names of those for velocities and stops; an empty one has no publisher.
+            kind: type of velocities, ``Twist`` or ``TwistStamped``.
+            frame: of the robot's base.
 
         Raises:
             RosError: a topic's name is malformed.
         """
-        topics, self._kind = config.topics, f"geometry_msgs/msg/{config.driving.message}"
-        self._distro = config.ros.distro
-        self._frame = config.frames.base
+        self._kind = f"geometry_msgs/msg/{kind}"
+        self._distro = node.distro
+        self._frame = frame
         self._velocity: Publisher | None = node.publisher(topics.velocity, self._kind) if topics.velocity else None
         self._stop: Publisher | None = node.publisher(topics.stop, "std_msgs/msg/Int8") if topics.stop else None
 
@@ -34,16 +41,8 @@ class VelocityOutput:
         """
         if self._velocity is None:
             return
-        distro = self._distro
-        twist = message(
-            "geometry_msgs/msg/Twist",
-            distro,
-            linear=message("geometry_msgs/msg/Vector3", distro, x=linear),
-            angular=message("geometry_msgs/msg/Vector3", distro, z=angular),
-        )
-        if self._kind.endswith("Stamped"):
-            twist = message(self._kind, distro, header=header(time, self._frame), twist=twist)
-        self._velocity.publish(twist)
+        stamped = self._kind.endswith("Stamped")
+        self._velocity.publish(twist_stamped(time, self._frame, linear, angular) if stamped else twist(linear, angular))
 
     def stop(self, level: int) -> None:
         """Publish the CMU stack's stop level: 0 go, 1 zero linear, 2 also zero yaw."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final
 
-from deploy.config import DeployConfig, SafetyConfig
+from deploy.config import SafetyConfig
 from deploy.safety.gate_state import GateMode
 from deploy.safety.takeover import Takeover
 
@@ -26,7 +26,7 @@ class Decision:
         reason: in words for the operator; it changes only when something changes.
         velocity: (m/s, rad/s) to send, or None for silence.
         stop: value for the CMU stack's `/stop`.
-        clipped: the wish was beyond the limits.
+        clipped: the command was beyond the limits.
         ended: the watchdog's work is over.
     """
 
@@ -44,23 +44,27 @@ class GateRules:
     All times are seconds of one monotonic clock, given by the caller.
     """
 
-    def __init__(self, config: DeployConfig, now: float, emergency_stop: str = "") -> None:
+    def __init__(
+        self, config: SafetyConfig, sensor: str, now: float, emergency_stop: str = "", *, drives: bool
+    ) -> None:
         """Start without having heard anything.
 
         Args:
-            config: whole tree.
+            config: limits of speed and of silence.
+            sensor: what the map is made from; a `grid` may come once and no more.
             now: seconds.
             emergency_stop: reason of a stop that is latched already.
+            drives: the bridge sends velocities; otherwise the robot's own stack drives.
         """
-        self._config = config.safety
-        self._drives = config.driving.enabled
-        self._sensor_name = {"scan": "scan", "points": "point cloud", "grid": "map"}[config.sensing.source]
-        self._latched = config.sensing.source == "grid"
-        self._takeover = Takeover(config.safety)
+        self._config = config
+        self._drives = drives
+        self._sensor_name = {"scan": "scan", "points": "point cloud", "grid": "map"}[sensor]
+        self._latched = sensor == "grid"
+        self._takeover = Takeover(config)
         self._started = now
         self._bridge = now
         self._gone: tuple[float, str] | None = None
-        self._wish: tuple[float, float, float] | None = None
+        self._command: tuple[float, float, float] | None = None
         self._hold = ""
         self._emergency = emergency_stop
         self._overridden_since: float | None = None
@@ -93,15 +97,15 @@ class GateRules:
         """The bridge said anything at all, at the time `sent`."""
         self._bridge = max(self._bridge, sent)
 
-    def wish(self, sent: float, linear: float, angular: float) -> None:
-        """The bridge wished for a velocity; that ends a hold."""
-        self._wish = sent, linear, angular
+    def command(self, sent: float, linear: float, angular: float) -> None:
+        """The bridge commanded a velocity; that ends a hold."""
+        self._command = sent, linear, angular
         self._hold = ""
 
     def hold(self, reason: str) -> None:
         """The bridge asked for standstill."""
         self._hold = reason or "no reason given"
-        self._wish = None
+        self._command = None
 
     def resume(self) -> None:
         """The bridge ended a hold."""
@@ -179,19 +183,19 @@ class GateRules:
         return None
 
     def _wish_fault(self, now: float) -> tuple[GateMode, str] | None:
-        if self._wish is None:
-            return GateMode.WISH_STALE, "the bridge has wished for no velocity"
-        sent, linear, angular = self._wish
+        if self._command is None:
+            return GateMode.COMMAND_STALE, "the bridge has commanded no velocity"
+        sent, linear, angular = self._command
         if now - sent > self._config.bridge_timeout:
-            return GateMode.WISH_STALE, f"the bridge's last velocity is older than {self._config.bridge_timeout:g} s"
+            return GateMode.COMMAND_STALE, f"the bridge's last velocity is older than {self._config.bridge_timeout:g} s"
         if not (isfinite(linear) and isfinite(angular)):
-            return GateMode.WISH_STALE, f"the bridge wished for a velocity that is not finite: {linear}, {angular}"
+            return GateMode.COMMAND_STALE, f"the bridge commanded a velocity that is not finite: {linear}, {angular}"
         return None
 
     def _permitted(self) -> tuple[tuple[float, float] | None, bool]:
-        if not self._drives or self._wish is None:
+        if not self._drives or self._command is None:
             return None, False
-        _, linear, angular = self._wish
+        _, linear, angular = self._command
         return clip(linear, angular, self._config)
 
     def _ended(self, now: float) -> bool:

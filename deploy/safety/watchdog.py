@@ -1,6 +1,6 @@
 """The watchdog process: it owns the velocity topic and outlives the bridge.
 
-It is started by `VelocityGate`, has a Zenoh session of its own, and trusts nothing of the bridge but its wishes.
+It is started by `VelocityGate`, has a Zenoh session of its own, and trusts nothing of the bridge but its commands.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from typing import Any, Final
 from common.closing import Closing
 from common.errors import HDError
 from common.logs import setup_logging
+from common.signals import ignore_signals, on_signals
 from deploy.config import DeployConfig
 from deploy.ros2 import LATCHED, Node, message
 from deploy.safety.channel import Channel
@@ -50,21 +51,22 @@ class Watchdog(Closing):
         self._config = config
         self._channel = channel
         self._id = uuid.uuid4().hex
-        self._rules = GateRules(config, time.monotonic(), emergency_stop)
+        self._rules = GateRules(
+            config.safety, config.sensing.source, time.monotonic(), emergency_stop, drives=config.driving.enabled
+        )
         self._wakeup, self._waker = os.pipe()
         os.set_blocking(self._waker, False)
         os.set_blocking(self._wakeup, False)
         self._connected = True
         self._last: Decision | None = None
-        self._forwarded: float | None = None
-        self._new_wish = False
+        self._new_command = False
         self._sent = (0.0, 0.0)
         self._stop_sent: int | None = None
         self._next_velocity = self._next_report = self._next_status = 0.0
         self._inputs = WatchdogInputs(config, self._rules, self._id, self._wake, self._wake_unless_clear)
         self._node = Node(config.ros, f"{config.ros.node}_watchdog", config.topics.remap)
         try:
-            self._output = VelocityOutput(self._node, config)
+            self._output = VelocityOutput(self._node, config.topics, config.driving.message, config.frames.base)
             self._output.velocity(0.0, 0.0)
             self._status = self._node.publisher(config.topics.watchdog, "std_msgs/msg/String", LATCHED)
             self._inputs.subscribe(self._node)
@@ -74,7 +76,10 @@ class Watchdog(Closing):
 
     def run(self) -> None:
         """Watch until the bridge ends in order, or has been dead for `safety.zero_for`."""
-        self.tell_to_end_on(signal.SIGTERM)
+        with on_signals(self._told_to_end, signal.SIGTERM):
+            self._run()
+
+    def _run(self) -> None:
         while True:
             now = time.monotonic()
             self._hear_bridge(now)
@@ -88,14 +93,10 @@ class Watchdog(Closing):
                 return
             self._wait(min(self._next_velocity, self._next_report, self._next_status) - time.monotonic())
 
-    def tell_to_end_on(self, number: signal.Signals) -> None:
+    def _told_to_end(self, number: signal.Signals) -> None:
         """Take a signal for the bridge's death: the service is being stopped."""
-
-        def handle(*_: object) -> None:
-            self._rules.bridge_died(time.monotonic(), f"the watchdog was told to end by {number.name}")
-            self._wake()
-
-        signal.signal(number, handle)
+        self._rules.bridge_died(time.monotonic(), f"the watchdog was told to end by {number.name}")
+        self._wake()
 
     def close(self) -> None:
         """Leave the bus."""
@@ -123,9 +124,9 @@ class Watchdog(Closing):
 
     def _take(self, packet: dict[str, Any], now: float) -> None:
         match packet["kind"]:
-            case "wish":
-                self._rules.wish(packet["sent"], packet["linear"], packet["angular"])
-                self._new_wish = True
+            case "command":
+                self._rules.command(packet["sent"], packet["linear"], packet["angular"])
+                self._new_command = True
             case "hold":
                 self._rules.hold(packet["reason"])
             case "resume":
@@ -145,10 +146,10 @@ class Watchdog(Closing):
             self._log_change(decision)
         self._last = decision
         due = now >= self._next_velocity
-        forward = self._new_wish and decision.mode is GateMode.CLEAR
+        forward = self._new_command and decision.mode is GateMode.CLEAR
         if changed or due or forward:
             self._next_velocity = now + 1.0 / self._config.driving.rate
-            self._new_wish = False
+            self._new_command = False
             if decision.velocity is not None:
                 self._sent = decision.velocity
                 self._output.velocity(*decision.velocity, self._inputs.robot_time(now))
@@ -206,8 +207,7 @@ class Watchdog(Closing):
 def main() -> int:
     """Run the watchdog at the end of a channel whose file descriptor is the first argument."""
     # Ctrl-C in a terminal ends the bridge, and through it the watchdog.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    ignore_signals(signal.SIGINT, signal.SIGHUP)
     with Channel(socket.socket(fileno=int(sys.argv[1]))) as channel:
         select.select([channel], [], [])
         try:

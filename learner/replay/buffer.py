@@ -35,7 +35,7 @@ StepKey = tuple[str, int, int, int]
 """One step of the whole system: (actor, incarnation, episode, step)."""
 
 
-class Replay:
+class ReplayBuffer:
     """A first-in-first-out buffer of transitions, bounded in number and in bytes; safe between threads.
 
     An observation is stored once: a transition is a step whose successor is here as well. Within a chunk the
@@ -46,7 +46,7 @@ class Replay:
 
     Usage::
 
-        replay = Replay(capacity=100_000, max_bytes=500_000_000)
+        replay = ReplayBuffer(capacity=100_000, max_bytes=500_000_000)
         replay.add(delivery)
         batch = replay.sample(64, np.random.default_rng(0))
 

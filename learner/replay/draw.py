@@ -6,11 +6,11 @@ import numpy as np
 
 from common.config.schema import RunConfig
 from learner.algorithm.batch import TransitionBatch
-from learner.replay.buffer import Replay
+from learner.replay.buffer import ReplayBuffer
 
 
 def draw_batch(
-    replay: Replay, config: RunConfig, size: int, rng: np.random.Generator, *, cloning: bool
+    replay: ReplayBuffer, config: RunConfig, size: int, rng: np.random.Generator, *, cloning: bool
 ) -> TransitionBatch:
     """Draw the batch of one update.
 

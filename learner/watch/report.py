@@ -46,7 +46,7 @@ class Reporter:
             stats: newest statistics of each process and their age in seconds.
             refused: invalid messages since the start.
         """
-        trainer, ingest, keeper = self._trainer, self._trainer.ingest, self._trainer.keeper
+        trainer, ingest, limiter = self._trainer, self._trainer.ingest, self._trainer.limiter
         late = {group: means for group in GROUPS if (means := ingest.episodes.means(group)) is not None}
         return LearnerStatus(
             run=trainer.config.name,
@@ -55,9 +55,9 @@ class Reporter:
             state=trainer.state,
             device=self._device,
             uptime=trainer.uptime,
-            steps=keeper.steps,
+            steps=limiter.steps,
             episodes=ingest.episode_count,
-            updates=keeper.updates,
+            updates=limiter.updates,
             total_updates=trainer.config.learner.total_updates,
             steps_per_second=ingest.steps_rate.rate,
             updates_per_second=trainer.recorder.updates_rate.rate,
@@ -66,10 +66,10 @@ class Reporter:
             replay_capacity=trainer.replay.capacity,
             replay_fill=trainer.replay.fill,
             replay_bytes=trainer.replay.bytes,
-            ratio_declared=keeper.updates_per_step,
-            ratio_actual=keeper.actual,
-            ratio_lead=keeper.lead,
-            hold=keeper.hold(),
+            ratio_declared=limiter.updates_per_step,
+            ratio_actual=limiter.actual,
+            ratio_lead=limiter.lead,
+            hold=limiter.hold(),
             next_checkpoint=trainer.next_checkpoint,
             last_checkpoint=trainer.checkpoints.pointer("last") or "",
             best=trainer.best.version,

@@ -87,32 +87,32 @@ def test_a_learner_holds_and_goes_on(small_disk, caplog):
         for delivery in made[:30]:
             trainer.ingest.store(delivery)
         with training(trainer):
-            until(lambda: trainer.keeper.updates >= 12)
+            until(lambda: trainer.limiter.updates >= 12)
             small_disk.fill()
             refused = store_what_fits(trainer, made[30:])
             assert refused
             until(lambda: trainer.state == "disk full")
-            held = trainer.keeper.updates
+            held = trainer.limiter.updates
             time.sleep(0.5)
-            assert trainer.keeper.updates <= held + 1
+            assert trainer.limiter.updates <= held + 1
             assert caplog.text.count("The learner holds") == 1
             small_disk.empty()
             until(lambda: trainer.state != "disk full")
             assert caplog.text.count("there is room on the disk again") == 1
             for delivery in refused:
                 trainer.ingest.store(delivery)
-            until(lambda: trainer.keeper.updates > held + 5)
+            until(lambda: trainer.limiter.updates > held + 5)
         trainer.close()
         assert "Traceback" not in caplog.text
         lines = run.episodes.read_text().splitlines()
         assert sorted(json.loads(line)["distance"] for line in lines) == [100.0 + i for i in range(40)]
         curves = EventAccumulator(str(run.tensorboard))
         curves.Reload()
-        assert len(curves.Scalars("collect/steps")) >= trainer.keeper.updates // 10
+        assert len(curves.Scalars("collect/steps")) >= trainer.limiter.updates // 10
     with RunFolder.open(small_disk.path / "runs", "test") as run:
         again, _ = make_trainer(run)
         again.resume()
-        assert again.keeper.steps == 320 and again.ingest.episode_count == 40
+        assert again.limiter.steps == 320 and again.ingest.episode_count == 40
         again.close()
 
 
@@ -197,10 +197,10 @@ def test_serial_mode_waits_for_room_with_what_it_collected(small_disk):
         collecting = threading.Thread(target=lambda: [trainer._deliver(delivery.body) for delivery in made])
         collecting.start()
         until(lambda: trainer.disk.full)
-        assert trainer.keeper.steps < 240 and collecting.is_alive()
+        assert trainer.limiter.steps < 240 and collecting.is_alive()
         small_disk.empty()
         collecting.join(20.0)
-        assert (trainer.keeper.steps, trainer.ingest.episode_count) == (240, 30)
+        assert (trainer.limiter.steps, trainer.ingest.episode_count) == (240, 30)
         trainer.close()
 
 

@@ -11,8 +11,8 @@ from common.messages.schema import encode
 from learner.algorithm.base import NotFiniteError
 from learner.ingest import Ingest
 from learner.quarantine import STRIKES
-from learner.ratio import RatioKeeper
-from learner.replay.buffer import Replay
+from learner.rate_limiter import RateLimiter
+from learner.replay.buffer import ReplayBuffer
 from learner.run.episodes import EpisodeLog
 from learner.run.journal import Journal
 from learner.run.records import RecordKind
@@ -23,14 +23,14 @@ from tests.learner.runs import episodes, small_config
 def open_ingest(folder, episodes_length=0, config=None):
     config = config or small_config()
     folder.mkdir(exist_ok=True)
-    replay = Replay(config.replay.capacity, config.replay.max_bytes)
-    keeper = RatioKeeper(1.0, 100, 4)
+    replay = ReplayBuffer(config.replay.capacity, config.replay.max_bytes)
+    limiter = RateLimiter(1.0, 100, 4)
     journal = Journal(folder / "journal")
-    return Ingest(config, replay, keeper, journal, EpisodeLog(folder / "episodes.jsonl", episodes_length)), journal
+    return Ingest(config, replay, limiter, journal, EpisodeLog(folder / "episodes.jsonl", episodes_length)), journal
 
 
 def counts(ingest):
-    return (ingest.keeper.steps, ingest.episode_count, len(ingest.replay), ingest.version, ingest.stored)
+    return (ingest.limiter.steps, ingest.episode_count, len(ingest.replay), ingest.version, ingest.stored)
 
 
 def lines(folder):
@@ -70,7 +70,7 @@ def test_a_killed_learner_gets_everything_back_exactly(tmp_path):
     assert counts(again) == expected
     assert samples(again) == drawn
     assert [line["distance"] for line in lines(tmp_path)] == [line["distance"] for line in written]
-    assert again.keeper.updates == 3
+    assert again.limiter.updates == 3
     for delivery in made:
         again.store(delivery)  # the actors send again what they have no acknowledgement for
     assert counts(again) == expected
@@ -121,7 +121,7 @@ def test_segments_go_when_the_buffer_has_forgotten_them(tmp_path):
     again, journal = open_ingest(tmp_path, snapshot["episodes_length"], config)
     again.rebuild(snapshot, updates=0)
     assert samples(again) == drawn
-    assert again.keeper.steps == 640
+    assert again.limiter.steps == 640
     journal.close()
 
 
@@ -135,12 +135,12 @@ def test_without_a_replay_snapshot_only_what_is_newer_comes_back(tmp_path):
     ingest.forget_before(snapshot["segment"])
     again, journal = open_ingest(tmp_path, snapshot["episodes_length"], config)
     again.rebuild(snapshot, updates=2)
-    assert (again.keeper.steps, len(again.replay)) == (40, 0)
-    assert not again.keeper.may_update()
+    assert (again.limiter.steps, len(again.replay)) == (40, 0)
+    assert not again.limiter.may_update()
     for delivery in made[15:]:
         again.store(delivery)
-    assert again.keeper.steps == 48
-    assert again.keeper.may_update()
+    assert again.limiter.steps == 48
+    assert again.limiter.may_update()
     journal.close()
 
 
@@ -156,9 +156,9 @@ def test_what_cannot_be_written_is_not_stored(tmp_path, monkeypatch):
     with pytest.raises(CheckpointError, match="make room"):
         ingest.store(second)
     monkeypatch.undo()
-    assert ingest.keeper.steps == 4
+    assert ingest.limiter.steps == 4
     ingest.store(second)
-    assert ingest.keeper.steps == 8
+    assert ingest.limiter.steps == 8
     journal.close()
 
 
@@ -194,7 +194,7 @@ def test_a_journal_with_poison_resumes_and_names_it(tmp_path, caplog):
     again, journal = open_ingest(tmp_path)
     again.rebuild(snapshot, updates=0)
     assert again.poisoned == 1
-    assert again.keeper.steps == 20
+    assert again.limiter.steps == 20
     assert "set aside message 1 of 'desk-0' (incarnation 7)" in caplog.text
     assert "rewards: must be from -1e+06 to 1e+06, got 3e+38" in caplog.text
     # The sequence is free again, and nothing else was lost.
@@ -215,7 +215,7 @@ def test_what_was_set_aside_stays_aside_and_counts_in_the_next_process(tmp_path)
     snapshot = json.loads(json.dumps(ingest.snapshot()))
     again, journal = open_ingest(tmp_path, snapshot["episodes_length"])
     again.rebuild(snapshot, updates=0)
-    assert (again.keeper.steps, len(again.replay)) == (24, 20)
+    assert (again.limiter.steps, len(again.replay)) == (24, 20)
     assert not set(again.replay.sample(200, np.random.default_rng(0)).rewards) & {1000.0, 1001.0, 1002.0, 1003.0}
     journal.close()
 
@@ -251,16 +251,16 @@ def test_eleven_thousand_invented_names_make_no_replayed_message_count_twice(tmp
     for number in range(11_000):
         ingest.store(Delivery(f"invented-{number}", number, 0, honest[-1].body))
     assert len(ingest.actors) == 10_000
-    before = ingest.keeper.steps
+    before = ingest.limiter.steps
     for delivery in honest:
         ingest.store(delivery)
-    assert (ingest.keeper.steps, ingest.duplicates) == (before, len(honest))
+    assert (ingest.limiter.steps, ingest.duplicates) == (before, len(honest))
     snapshot = json.loads(json.dumps(ingest.snapshot()))
     again, journal = open_ingest(tmp_path, snapshot["episodes_length"])
     again.rebuild(snapshot, updates=0)
     for delivery in honest:
         again.store(delivery)
-    assert again.keeper.steps == before
+    assert again.limiter.steps == before
     journal.close()
 
 

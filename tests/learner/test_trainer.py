@@ -85,7 +85,7 @@ def test_versions_go_on_rising_after_a_kill(tmp_path):
         again.resume()
         again.publish()
         assert published[-1].version == 6
-        assert again.keeper.steps == 32 and again.keeper.updates == 0
+        assert again.limiter.steps == 32 and again.limiter.updates == 0
         assert again.ingest.episode_count == 4
         again.close()
 
@@ -107,8 +107,8 @@ def test_a_damaged_newest_checkpoint_costs_updates_but_no_data(tmp_path, caplog)
         again, _ = make_trainer(run)
         again.resume()
         assert "000000012 is damaged" in caplog.text
-        assert again.keeper.updates == 8
-        assert again.keeper.steps == 48
+        assert again.limiter.updates == 8
+        assert again.limiter.steps == 48
         assert again.ingest.episode_count == 6 == len(run.episodes.read_text().splitlines())
         again.checkpoint()
         again.close()
@@ -128,11 +128,11 @@ def test_a_run_without_a_checkpoint_begins_again_with_its_journal(tmp_path, agai
     with RunFolder.open(tmp_path, "test") if again == "resume" else new_run(tmp_path) as run:
         trainer, published = make_trainer(run)
         trainer.resume() if again == "resume" else trainer.begin()
-        assert (trainer.keeper.steps, trainer.ingest.episode_count, len(trainer.replay)) == (24, 3, 24)
+        assert (trainer.limiter.steps, trainer.ingest.episode_count, len(trainer.replay)) == (24, 3, 24)
         for delivery in episodes(3):
             trainer.ingest.store(delivery)
         trainer.publish()
-        assert (trainer.keeper.steps, published[-1].version) == (24, 2)
+        assert (trainer.limiter.steps, published[-1].version) == (24, 2)
         assert trainer.checkpoints.names() == ["000000000"]
         trainer.close()
         assert len(run.episodes.read_text().splitlines()) == 3
@@ -154,7 +154,7 @@ def test_one_bad_bit_in_the_newest_segment_costs_one_delivery_and_is_told(tmp_pa
     with RunFolder.open(tmp_path, "test") as run:
         trainer, _ = make_trainer(run)
         trainer.resume()
-        assert (trainer.keeper.steps, trainer.ingest.episode_count) == (20 * 8 - 4, 20)
+        assert (trainer.limiter.steps, trainer.ingest.episode_count) == (20 * 8 - 4, 20)
         assert "record 3 (damaged)" in caplog.text
         assert "deliveries that the damage has cost: desk-0 (incarnation 7) 3 to 3" in caplog.text
         train_some(trainer, 2)
@@ -182,10 +182,10 @@ def test_the_loop_keeps_the_ratio_publishes_and_ends_with_a_checkpoint(tmp_path)
         for delivery in episodes(4):
             trainer.ingest.store(delivery)
         train(trainer)
-        assert trainer.complete and trainer.keeper.updates == 16
+        assert trainer.complete and trainer.limiter.updates == 16
         assert [version.updates for version in published] == [0, 4, 8, 12, 16]
         assert trainer.checkpoints.pointer("last") == "000000016"
-        assert not trainer.keeper.may_update()
+        assert not trainer.limiter.may_update()
         trainer.close()
         for name in ("loss/critic", "ratio/actual", "replay/transitions", "collect/steps", "episode_train/distance"):
             assert sorted(curve(run, name)) == [10, 16]
@@ -300,16 +300,16 @@ def test_commands_reach_the_loop(tmp_path):
         loop.start()
         assert trainer.state == "paused"
         assert trainer.request_checkpoint(timeout=10.0)
-        assert trainer.keeper.updates == 0
+        assert trainer.limiter.updates == 0
         trainer.unpause()
         deadline = time.monotonic() + 60.0
-        while trainer.keeper.updates < 16 and time.monotonic() < deadline:
+        while trainer.limiter.updates < 16 and time.monotonic() < deadline:
             time.sleep(0.02)
-        assert trainer.keeper.updates == 16
+        assert trainer.limiter.updates == 16
         trainer.stop()
         loop.join(10.0)
         assert not loop.is_alive()
-        assert trainer.checkpoints.names()[-1] == f"{trainer.keeper.updates:09d}"
+        assert trainer.checkpoints.names()[-1] == f"{trainer.limiter.updates:09d}"
         trainer.close()
 
 

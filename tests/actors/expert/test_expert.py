@@ -170,13 +170,13 @@ def test_the_way_is_nearly_as_long_as_was_said_at_the_start(task):
 def test_the_navigation_expert_drives_the_shortest_way():
     env = environment("navigation", arrival_radius=0.1)
     env.reset(HALLWAY, seed=0)
-    judgement = env.judgement()
-    assert judgement.remaining == pytest.approx(21.0 + 1.0, abs=0.01)
+    expert_label = env.expert_label()
+    assert expert_label.remaining == pytest.approx(21.0 + 1.0, abs=0.01)
     observation = env._observation
     waypoints = observation.waypoint_nodes()
-    best = waypoints[int(np.argmin(judgement.cost))]
+    best = waypoints[int(np.argmin(expert_label.cost))]
     assert env.mapper.position(int(best))[0] > HALLWAY.start[0]
-    assert judgement.beacon in observation.beacon_nodes()
+    assert expert_label.beacon in observation.beacon_nodes()
 
 
 def test_standing_still_is_never_the_plan():
@@ -186,9 +186,9 @@ def test_standing_still_is_never_the_plan():
     expert = ExplorationExpert(MAPPING, 0.0)
     expert.reset(CORRIDOR)
     for _ in range(3):
-        judgement = expert.judge(env._observation, env.mapper.viewpoints, env.pose, env.coverage)
-        assert judgement.remaining > 20.0
-        best = int(env._observation.waypoint_nodes()[int(np.argmin(judgement.cost))])
+        expert_label = expert.label(env._observation, env.mapper.viewpoints, env.pose, env.coverage)
+        assert expert_label.remaining > 20.0
+        best = int(env._observation.waypoint_nodes()[int(np.argmin(expert_label.cost))])
         assert env.mapper.position(best)[0] > env.pose.x
 
 
@@ -198,7 +198,7 @@ def test_an_expert_without_a_map_says_so():
     for task in ("exploration", "navigation"):
         expert = make_expert(TaskConfig(name=task), MAPPING)
         with pytest.raises(HDError, match="reset"):
-            expert.judge(observation, env.mapper.viewpoints, env.pose, env.coverage)
+            expert.label(observation, env.mapper.viewpoints, env.pose, env.coverage)
 
 
 FURNISHED = draw(

@@ -10,7 +10,7 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from deploy.bridge.decision import DecisionLoop
 from deploy.bridge.mission import Mission
-from deploy.bridge.team import make_team
+from deploy.bridge.planner_selector import make_planners
 from deploy.config import DeployConfig
 from deploy.mapping.robot_map import MapStatistics
 from deploy.profiles import DEPLOY
@@ -70,8 +70,17 @@ class Trial:
         self.map = make_map(config.mapping, world.lattice_origin)
         self.mission = Mission(config.decision.task, config.decision.goal)
         self.health = HealthMonitor(config.safety)
-        self.team = make_team(config, planner)
-        self.loop = DecisionLoop(config, self.map, self.team, self.mission, self.health, clock=lambda: self.now)
+        self.planners = make_planners(config, planner)
+        self.loop = DecisionLoop(
+            config.decision,
+            config.mapping,
+            config.safety,
+            self.map,
+            self.planners,
+            self.mission,
+            self.health,
+            clock=lambda: self.now,
+        )
         self.sensing = True
         self.frozen = False
         self.distance = 0.0

@@ -2,9 +2,9 @@
 
 import pytest
 
+from deploy.bridge.command_text import CommandError, parse
 from deploy.bridge.commands import Commands
 from deploy.bridge.mission import Mission, Phase
-from deploy.bridge.words import CommandError, parse
 
 
 class Gate:

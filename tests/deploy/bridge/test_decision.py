@@ -183,9 +183,9 @@ def test_a_planner_that_fails_is_relieved_by_the_fallback_and_tried_again_later(
     assert second.planner == "nearest"
     assert "ZeroDivisionError" in second.relieved
     assert second.faults == ()
-    asked = trial.team.main.asked
+    asked = trial.planners.main.asked
     trial.run(8)
-    assert trial.team.main.asked > asked
+    assert trial.planners.main.asked > asked
 
 
 def test_a_planner_that_circles_is_relieved():
@@ -212,9 +212,9 @@ def test_a_robot_that_passed_its_waypoint_at_a_distance_decides_anew_at_the_end_
     while trial.pose.distance_to((10.0, 10.0)) > 0.01:
         trial._drive((10.0, 10.0), 0.2)
         trial.tick()
-    asked = trial.team.main.asked
+    asked = trial.planners.main.asked
     trial.run(2)
-    assert trial.team.main.asked > asked
+    assert trial.planners.main.asked > asked
 
 
 def test_a_waypoint_that_cannot_be_reached_is_left_alone_for_a_while():
@@ -256,7 +256,7 @@ def test_a_waypoint_that_is_no_longer_free_is_replaced_in_the_same_pass():
 
 def test_the_geofence_is_never_left_and_ends_the_exploration():
     fence = [[0.0, 0.0], [30.0, 0.0], [30.0, 24.0], [0.0, 24.0]]
-    trial = started(ARMS, safety={"geofence": fence})
+    trial = started(ARMS, mapping={**MAPPING, "robot_radius": 0.5}, safety={"geofence": fence})
     last = trial.run(200, ended)
     assert last.orders.phase is Phase.FINISHED
     assert last.orders.reason.startswith("not complete: ")
@@ -265,8 +265,9 @@ def test_the_geofence_is_never_left_and_ends_the_exploration():
     assert last.unseen is not None
     assert last.unseen.length >= 2.0
     assert last.unseen.position[0] > 28.0
-    assert all(o.course.waypoint[0] <= 30.0 for o in trial.outcomes if o.course)
-    assert max(o.pose.x for o in trial.outcomes) <= 30.0
+    edge = 30.0 - trial.config.mapping.robot_radius
+    assert all(o.course.waypoint[0] <= edge for o in trial.outcomes if o.course)
+    assert max(o.pose.x for o in trial.outcomes) <= edge
 
 
 def test_the_robot_drives_home_when_it_is_done():

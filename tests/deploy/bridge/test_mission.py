@@ -2,8 +2,8 @@
 
 import pytest
 
+from deploy.bridge.command_text import CommandError, parse
 from deploy.bridge.mission import Mission, Phase
-from deploy.bridge.words import CommandError, parse
 
 
 def test_a_task_runs_from_start_to_end():

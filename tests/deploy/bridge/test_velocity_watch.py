@@ -16,7 +16,7 @@ def test_others_on_the_velocity_topic_are_named_and_the_bridges_own_nodes_are_no
     with (
         Node(router, "hd_bridge_watchdog") as watchdog,
         Node(config.ros, "hd_bridge") as bridge,
-        VelocityWatch(bridge, config) as watch,
+        VelocityWatch(bridge, config.ros, config.topics) as watch,
         Node(config.ros, "teleop") as teleop,
     ):
         for node in (watchdog, bridge):

@@ -12,6 +12,11 @@ HALF_TURN = (1.0, 0.0, 0.0, 0.0)
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
+def make_intake(**sections) -> Intake:
+    config = configure(**sections)
+    return Intake(config.frames, config.sensing, config.mapping.sensor_range)
+
+
 def drive(intake: Intake, start: float, end: float) -> None:
     """Poses at 20 Hz of a robot that drives along x at 1 m/s."""
     for k in range(round(start * 20), round(end * 20) + 1):
@@ -19,7 +24,7 @@ def drive(intake: Intake, start: float, end: float) -> None:
 
 
 def test_a_scan_waits_for_the_poses_around_it():
-    intake = Intake(configure())
+    intake = make_intake()
     drive(intake, 0.0, 1.0)
     intake.add_scan(1.03, SCAN, "")
     intake.resolve()
@@ -32,7 +37,7 @@ def test_a_scan_waits_for_the_poses_around_it():
 
 
 def test_a_scan_without_a_pose_is_dropped_and_says_why():
-    intake = Intake(configure())
+    intake = make_intake()
     drive(intake, 0.0, 1.0)
     for k in range(5):
         intake.add_scan(5.0 + k * 0.15, SCAN, "")
@@ -44,7 +49,7 @@ def test_a_scan_without_a_pose_is_dropped_and_says_why():
 
 
 def test_poses_that_end_a_moment_before_the_scan_are_good_enough():
-    intake = Intake(configure())
+    intake = make_intake()
     drive(intake, 0.0, 1.0)
     intake.add_scan(1.1, SCAN, "")
     intake.add_scan(1.4, SCAN, "")
@@ -54,12 +59,12 @@ def test_poses_that_end_a_moment_before_the_scan_are_good_enough():
 
 
 def test_queues_are_bounded():
-    intake = Intake(configure())
+    intake = make_intake()
     for k in range(3 * MAX_WAITING):
         intake.add_scan(k / 1000, SCAN, "")
     assert intake.waiting == MAX_WAITING
     assert intake.dropped["queue full"] == 2 * MAX_WAITING
-    intake = Intake(configure())
+    intake = make_intake()
     for k in range(3 * MAX_READY):
         drive(intake, k / 20, k / 20)
         intake.add_scan(k / 20, SCAN, "")
@@ -69,7 +74,7 @@ def test_queues_are_bounded():
 
 
 def test_a_recording_played_again_goes_on():
-    intake = Intake(configure())
+    intake = make_intake()
     for _ in range(2):
         drive(intake, 100.0, 101.0)
         intake.add_scan(100.5, SCAN, "")
@@ -83,7 +88,7 @@ def test_a_recording_played_again_goes_on():
 
 @pytest.mark.parametrize("back", [0.2, 1.0, 5.0, 10.0])
 def test_a_clock_set_back_places_no_scan_where_the_robot_was(back):
-    intake, x = Intake(configure()), 0.0
+    intake, x = make_intake(), 0.0
     for k in range(200):
         time = 100.0 + k / 20 - (back if k >= 100 else 0.0)
         x = k / 20
@@ -98,7 +103,7 @@ def test_a_clock_set_back_places_no_scan_where_the_robot_was(back):
 
 
 def test_a_scan_that_comes_again_is_no_evidence():
-    intake = Intake(configure())
+    intake = make_intake()
     drive(intake, 0.0, 1.0)
     for _ in range(5):
         intake.add_scan(0.5, SCAN, "")
@@ -108,7 +113,7 @@ def test_a_scan_that_comes_again_is_no_evidence():
 
 
 def test_the_sensors_place_on_the_base_by_configuration_and_by_tf():
-    intake = Intake(configure(sensing={"sensor_offset": (0.5, 0.2, np.pi / 2)}))
+    intake = make_intake(sensing={"sensor_offset": (0.5, 0.2, np.pi / 2)})
     drive(intake, 0.0, 1.0)
     intake.add_scan(0.5, SCAN, "lidar")
     intake.resolve()
@@ -123,7 +128,7 @@ def test_the_sensors_place_on_the_base_by_configuration_and_by_tf():
 
 
 def test_frames_without_end_are_not_remembered():
-    intake = Intake(configure())
+    intake = make_intake()
     drive(intake, 0.0, 1.0)
     for number in range(1500):
         intake.add_scan(0.5, SCAN, f"frame {number}")
@@ -132,7 +137,7 @@ def test_frames_without_end_are_not_remembered():
 
 
 def test_a_lidar_that_hangs_upside_down_sees_left_and_right_exchanged():
-    intake = Intake(configure())
+    intake = make_intake()
     intake.add_transforms([(0.0, "base_link", "lidar", (0.0, 0.0, 0.4), HALF_TURN)], True)
     drive(intake, 0.0, 1.0)
     intake.add_scan(0.5, Scan(np.array([2.0], dtype=np.float32), np.pi / 2, 0.1, 12.0), "lidar")
@@ -141,7 +146,7 @@ def test_a_lidar_that_hangs_upside_down_sees_left_and_right_exchanged():
 
 
 def tf_intake(**sensing: object) -> Intake:
-    intake = Intake(configure(sensing={"pose": "tf", **sensing}))
+    intake = make_intake(sensing={"pose": "tf", **sensing})
     intake.add_transforms([(0.0, "map", "odom", (10.0, 0.0, 0.0), UPRIGHT)], False)
     for k in range(21):
         intake.add_transforms([(k / 20, "odom", "base_link", (k / 20, 0.0, 0.1), UPRIGHT)], False)
@@ -187,7 +192,7 @@ def test_a_frame_that_never_comes_delays_the_first_seconds_alone():
 @pytest.mark.parametrize("frame", ["map", "sensor"])
 def test_clouds_stand_where_the_walls_are(frame):
     free, pose = room(), Pose(5.0, 5.0, 0.7)
-    intake = Intake(configure(sensing={"source": "points", "points_frame": frame}))
+    intake = make_intake(sensing={"source": "points", "points_frame": frame})
     intake.add_pose(1.0, pose, 0.0)
     intake.add_points(1.0, cloud_at(free, pose, frame=frame), "")
     obstacles = intake.obstacles()
@@ -202,7 +207,7 @@ def test_clouds_stand_where_the_walls_are(frame):
 def test_heights_count_from_below_the_lidar_where_tf_places_it():
     """A robot on an upper storey, 3 m above the map's zero; the lidar 0.6 m above its base frame."""
     free, pose = room(), Pose(5.0, 5.0)
-    intake = Intake(configure(sensing={"pose": "tf", "source": "points", "points_frame": "sensor"}))
+    intake = make_intake(sensing={"pose": "tf", "source": "points", "points_frame": "sensor"})
     intake.add_transforms([(0.0, "base_link", "lidar", (0.0, 0.0, 0.3), UPRIGHT)], True)
     intake.add_transforms([(1.0, "map", "base_link", (5.0, 5.0, 3.1), UPRIGHT)], False)
     intake.add_points(1.0, cloud_at(free, pose, frame="sensor"), "lidar")
@@ -211,7 +216,7 @@ def test_heights_count_from_below_the_lidar_where_tf_places_it():
 
 
 def test_what_is_not_the_source_of_the_map_still_shows_obstacles():
-    intake = Intake(configure(sensing={"source": "grid"}))
+    intake = make_intake(sensing={"source": "grid"})
     intake.add_pose(1.0, Pose(4.0, 5.0), 0.0)
     intake.add_scan(1.0, scan_at(room(), Pose(4.0, 5.0)), "")
     assert len(intake.obstacles()) > 300
@@ -219,7 +224,7 @@ def test_what_is_not_the_source_of_the_map_still_shows_obstacles():
 
 
 def test_messages_that_are_none_are_counted():
-    intake = Intake(configure())
+    intake = make_intake()
     intake.add_pose(1.0, Pose(float("nan"), 0.0), 0.0)
     intake.add_scan(float("nan"), SCAN, "")
     intake.add_scan(1.0, Scan(SCAN.ranges, 0.0, 0.1, 0.0), "")

@@ -20,7 +20,7 @@ def grid_of(noise: float = 0.0) -> LogOddsGrid:
 
 
 def window(grid: LogOddsGrid, shape: tuple[int, int]) -> np.ndarray:
-    row, column = -grid.first[0], -grid.first[1]
+    row, column = -grid.first_cell[0], -grid.first_cell[1]
     return grid.states[row : row + shape[0], column : column + shape[1]]
 
 
@@ -53,7 +53,7 @@ def test_a_cell_changes_only_beyond_the_thresholds():
     pose, cell = Pose(0.1, 0.1), grid.number((2.2, 0.1))
 
     def state() -> int:
-        return int(grid.states[cell[0] - grid.first[0], cell[1] - grid.first[1]])
+        return int(grid.states[cell[0] - grid.first_cell[0], cell[1] - grid.first_cell[1]])
 
     integrate(grid, away, pose)
     assert state() == UNKNOWN, "one miss is not enough"
@@ -114,7 +114,7 @@ def test_a_thin_pole_is_not_talked_away_by_beams_beside_it():
     grid = grid_of(0.03)
     integrate(grid, Scan(ranges, scan.angle_min, scan.angle_increment, 12.0), pose, 3)
     row, column = grid.number((7.1, 5.0))
-    assert grid.states[row - grid.first[0], column - grid.first[1]] == OCCUPIED
+    assert grid.states[row - grid.first_cell[0], column - grid.first_cell[1]] == OCCUPIED
 
 
 def test_readings_outside_the_limits():
@@ -124,7 +124,7 @@ def test_readings_outside_the_limits():
     assert not beams.hits.any()
     assert np.array_equal(np.isfinite(beams.ranges), [False, False, False, True, True])
     grid.integrate(beams, Pose(0.0, 0.0))
-    assert grid.number((0.0, 0.0))[0] - grid.first[0] + 8.0 / RESOLUTION < grid.states.shape[0]
+    assert grid.number((0.0, 0.0))[0] - grid.first_cell[0] + 8.0 / RESOLUTION < grid.states.shape[0]
 
 
 def test_it_grows_in_every_direction_and_keeps_what_it_knew():
@@ -134,7 +134,7 @@ def test_it_grows_in_every_direction_and_keeps_what_it_knew():
         integrate(near, scan_at(free, pose), pose, 3)
         moved = Pose(pose.x - 1000.0, pose.y - 500.0)
         integrate(far, scan_at(free, moved, origin=(-1000.0, -500.0)), moved, 3)
-    row, column = -2000 - far.first[0], -4000 - far.first[1]
+    row, column = -2000 - far.first_cell[0], -4000 - far.first_cell[1]
     assert np.array_equal(window(near, free.shape), far.states[row : row + 40, column : column + 60])
     with pytest.raises(MappingError, match="check"):
         integrate(far, scan_at(free, Pose(4.0, 5.0)), Pose(1e7, 0.0))

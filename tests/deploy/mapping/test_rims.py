@@ -62,7 +62,7 @@ def test_a_robot_with_a_size_does_not_look_into_slits(radius, slits):
     cells[:10, 20:40] = OCCUPIED
     cells[:10, 29:31] = UNKNOWN
     robot_map = RobotMap(
-        configure(sensing={"source": "grid", "pocket": 0.0}, mapping={"resolution": 0.1, "robot_radius": radius})
+        configure(sensing={"source": "grid", "hole_area": 0.0}, mapping={"resolution": 0.1, "robot_radius": radius})
     )
     robot_map.add_pose(1.0, Pose(3.0, 4.0))
     robot_map.add_grid(1.0, cells, 0.1, (0.0, 0.0, 0.0))

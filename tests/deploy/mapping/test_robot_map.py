@@ -86,7 +86,7 @@ def test_the_ways_of_the_graph_keep_the_robots_room_from_obstacles(seed, resolut
 def test_the_belief_is_always_the_map_but_for_rims_and_where_the_robot_stands(seed, exploring):
     """Updates only where something changed give what writing everything gives, growth and moving things included."""
     rng = np.random.default_rng(seed)
-    config = configure(mapping={"resolution": 0.2, "robot_radius": 0.5}, sensing={"pocket": 0.0})
+    config = configure(mapping={"resolution": 0.2, "robot_radius": 0.5}, sensing={"hole_area": 0.0})
     offsets = rim_offsets(0.2, 0.5)
     robot_map = RobotMap(config, None if exploring else (5.0, 5.0))
     free = random_world(rng, 40, 60)

@@ -9,8 +9,8 @@ from common.geometry import Pose, Scan
 from common.mapping.raycast import cast_rays, ray_angles
 from deploy.config import DeployConfig
 from deploy.profiles import load_deploy_config
+from deploy.recording.bag_player import BagPlayer
 from deploy.recording.reader import Recorded
-from deploy.recording.replay import Replay
 from deploy.recording.writer import BagWriter
 from deploy.ros2 import LATCHED, RELIABLE, SENSOR, message
 from deploy.ros2.conversions import laser_scan, odometry, point_stamped
@@ -74,7 +74,7 @@ def explore(settings: DeployConfig, seconds: float = 20.0) -> list[Recorded]:
         if goal is not None:
             sent.append(recorded("/way_point", POINT, clock + 0.05, point_stamped(now, "map", goal)))
 
-    Replay(settings, self_start=False, listener=listen).run(sensors())
+    BagPlayer(settings, self_start=False, listener=listen).run(sensors())
     return sorted(sent, key=lambda one: one.time)
 
 

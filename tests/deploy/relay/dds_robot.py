@@ -19,11 +19,11 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
+from common.signals import stopping_signals
 from deploy.config import DeployConfig
 from deploy.robot.options import RobotOptions
 from deploy.robot.pace import Pace
 from deploy.robot.simulation import SimulatedRobot
-from deploy.signals import stopping_signals
 
 TRUTH = "truth"
 """std_msgs/String: JSON of what only a simulation knows, and the monotonic time at which it was sent."""
@@ -98,7 +98,7 @@ class DdsRobot(Node):
 def main() -> None:
     options, config = RobotOptions.model_validate_json(sys.argv[1]), DeployConfig.model_validate_json(sys.argv[2])
     stop = threading.Event()
-    with stopping_signals(stop), SimulatedRobot(options, config) as robot:
+    with stopping_signals(stop.set, stop.is_set), SimulatedRobot(options, config) as robot:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         node = DdsRobot(robot, config.ros.namespace or "/")
         threading.Thread(target=rclpy.spin, args=(node,), daemon=True).start()

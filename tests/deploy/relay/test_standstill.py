@@ -20,7 +20,13 @@ class Wheels:
         self.config = load_deploy_config(overrides=overrides)
         self.velocities, self.stops = [], []
         self.kind = f"geometry_msgs/msg/{self.config.driving.message}"
-        self.standstill = Standstill(self.config, self.velocity, self.stop if stop else None)
+        self.standstill = Standstill(
+            self.config.safety,
+            self.config.driving.message,
+            self.config.ros.distro,
+            self.velocity,
+            self.stop if stop else None,
+        )
         self.now = 100.0
 
     def velocity(self, payload):

@@ -137,8 +137,8 @@ def test_an_unknown_world_is_one_clear_error():
 
 
 def test_layers_and_following_come_from_the_profile():
-    assert RobotOptions().lidar_layers(DeployConfig()) == 1
-    assert RobotOptions().lidar_layers(load_deploy_config(profile="cmu")) == 16
-    assert RobotOptions(layers=1).lidar_layers(load_deploy_config(profile="cmu")) == 1
-    assert RobotOptions().follows(load_deploy_config(profile="cmu"))
-    assert not RobotOptions().follows(load_deploy_config(profile="bare"))
+    assert RobotOptions().lidar_layers(DeployConfig().topics) == 1
+    assert RobotOptions().lidar_layers(load_deploy_config(profile="cmu").topics) == 16
+    assert RobotOptions(layers=1).lidar_layers(load_deploy_config(profile="cmu").topics) == 1
+    assert RobotOptions().follows(load_deploy_config(profile="cmu").driving)
+    assert not RobotOptions().follows(load_deploy_config(profile="bare").driving)

@@ -135,11 +135,11 @@ from deploy.safety.gate import VelocityGate, behind_watchdog
 
 setup_logging("info")
 config = DeployConfig.model_validate_json(sys.argv[1])
-wish = [1.0, 0.2]
+command = [1.0, 0.2]
 def work():
     while not ended.wait(0.05):
-        if wish is not None:
-            gate.wish(*wish)
+        if command is not None:
+            gate.command(*command)
 ended = threading.Event()
 with VelocityGate(config) as gate, Node(behind_watchdog(config.ros)) as node:
     gate.use_when_watchdog_dies(node)
@@ -148,8 +148,8 @@ with VelocityGate(config) as gate, Node(behind_watchdog(config.ros)) as node:
     print(json.dumps({"pid": gate.pid}), flush=True)
     for line in sys.stdin:
         name, *arguments = json.loads(line)
-        if name == "wish":
-            wish = arguments or None
+        if name == "command":
+            command = arguments or None
         elif name == "state":
             state = gate.state
             print(json.dumps({"mode": state.mode, "clear": state.clear, "alive": state.alive, "pid": gate.pid,

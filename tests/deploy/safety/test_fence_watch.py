@@ -1,17 +1,17 @@
 """Leaving the fence and coming back, by odometry and by transforms."""
 
 from common.geometry import Pose
-from deploy.config import DeployConfig
+from deploy.network_config import FramesConfig, TopicsConfig
 from deploy.ros2.conversions import odometry, transform, transform_message
 from deploy.safety.fence_watch import FenceWatch
+from deploy.safety.geofence import Geofence
 
 SQUARE = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)]
 
 
 def watch(pose: str) -> tuple[FenceWatch, list[str]]:
     told: list[str] = []
-    config = DeployConfig(safety={"geofence": SQUARE}, sensing={"pose": pose})
-    return FenceWatch(config, told.append), told
+    return FenceWatch(Geofence(SQUARE), TopicsConfig(), FramesConfig(), told.append, by_tf=pose == "tf"), told
 
 
 def test_crossings_are_told_once_each():
@@ -19,6 +19,15 @@ def test_crossings_are_told_once_each():
     for x in (1.0, 3.9, 4.1, 5.0, 6.0, 3.0, 2.0):
         fence.take_odometry(odometry(1.0, "map", "base_link", Pose(x, 1.0)), None)
     assert told == ["(4.10, 1.00)", ""]
+
+
+def test_a_long_robot_may_leave_by_a_turn():
+    told: list[str] = []
+    fence = Geofence(SQUARE, outline=[(1.0, 0.2), (-0.2, 0.2), (-0.2, -0.2), (1.0, -0.2)])
+    watch = FenceWatch(fence, TopicsConfig(), FramesConfig(), told.append)
+    for yaw in (1.5, 0.0, 1.5):
+        watch.take_odometry(odometry(1.0, "map", "base_link", Pose(3.5, 1.0, yaw)), None)
+    assert told == ["(3.50, 1.00)", ""]
 
 
 def test_a_robot_may_begin_outside():

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.config import DeployConfig, SafetyConfig
+from deploy.config import SafetyConfig
 from deploy.safety.gate_state import GateMode
 from deploy.safety.rules import GateRules, clip
 
@@ -12,15 +12,14 @@ ZERO = (0.0, 0.0)
 
 
 def make(*, driving=True, **safety) -> GateRules:
-    config = DeployConfig(driving={"enabled": driving}, safety=safety)
-    return GateRules(config, now=0.0)
+    return GateRules(SafetyConfig(**safety), "scan", now=0.0, drives=driving)
 
 
-def healthy(rules: GateRules, now: float, wish=(0.5, 0.1)) -> GateRules:
+def healthy(rules: GateRules, now: float, command=(0.5, 0.1)) -> GateRules:
     rules.sensor_time = rules.pose_time = now
     rules.bridge_lives(now)
-    if wish is not None:
-        rules.wish(now, *wish)
+    if command is not None:
+        rules.command(now, *command)
     return rules
 
 
@@ -51,7 +50,7 @@ def test_stale_inputs_stop(attribute, mode, word):
 
 
 def test_a_map_that_came_once_is_enough():
-    rules = GateRules(DeployConfig(driving={"enabled": True}, sensing={"source": "grid"}), now=0.0)
+    rules = GateRules(SafetyConfig(), "grid", now=0.0, drives=True)
     assert rules.decide(0.0).mode is not GateMode.CLEAR
     healthy(rules, 1.0)
     healthy(rules, 500.0)
@@ -86,7 +85,7 @@ def test_beats_without_wishes_do_not_drive():
     rules.bridge_lives(1.5)
     rules.sensor_time = rules.pose_time = 1.5
     decision = rules.decide(1.5)
-    assert (decision.mode, decision.velocity) == (GateMode.WISH_STALE, ZERO)
+    assert (decision.mode, decision.velocity) == (GateMode.COMMAND_STALE, ZERO)
 
 
 def test_late_packets_do_not_make_the_bridge_younger():
@@ -106,7 +105,7 @@ def test_hold_lasts_until_the_next_wish_or_resume():
     rules.hold("planner failed")
     decision = rules.decide(1.0)
     assert (decision.mode, decision.velocity, decision.reason) == (GateMode.HELD, ZERO, "planner failed")
-    rules.wish(1.0, 0.3, 0.0)
+    rules.command(1.0, 0.3, 0.0)
     assert rules.decide(1.0).velocity == (0.3, 0.0)
 
     other = healthy(make(driving=False), 1.0, None)

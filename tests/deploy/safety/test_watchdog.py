@@ -27,7 +27,7 @@ def driving(pair):
     """A robot that drives, after whatever the test before did to it."""
     robot, other, _ = pair
     other.tell("release")
-    other.tell("wish", 1.0, 0.2)
+    other.tell("command", 1.0, 0.2)
     assert eventually(lambda: other.state()["clear"] and robot.velocity() == (1.0, 0.2), 60.0)
     time.sleep(0.1)  # the release must not overtake the test's own stop
     return pair
@@ -91,13 +91,13 @@ def test_bridge_hangs_and_comes_back(driving):
 
 def test_wishes_stop(driving):
     robot, other, safety = driving
-    report("wishes stop", robot.time_to_zero(other.tell("wish")), safety.bridge_timeout)
-    assert other.state()["mode"] == "wish_stale"
+    report("velocity commands stop", robot.time_to_zero(other.tell("command")), safety.bridge_timeout)
+    assert other.state()["mode"] == "command_stale"
 
 
 def test_bridge_holds(driving):
     robot, other, _ = driving
-    other.tell("wish")
+    other.tell("command")
     report("hold", robot.time_to_zero(other.tell("hold", "the policy failed")))
     assert other.state()["reason"] == "the policy failed"
 
@@ -128,10 +128,10 @@ def test_joystick_takes_over(driving):
 
 def test_speed_is_limited(driving):
     robot, other, safety = driving
-    other.tell("wish", 8.0, 0.0)
+    other.tell("command", 8.0, 0.0)
     assert eventually(lambda: robot.velocity() == (safety.speed_limit, 0.0))
     assert max(abs(v) for _, (v, _) in robot.velocities) <= safety.speed_limit
-    other.tell("wish", 0.0, -9.0)
+    other.tell("command", 0.0, -9.0)
     assert eventually(lambda: robot.velocity() == (0.0, -safety.turn_limit))
 
 
@@ -237,7 +237,7 @@ def test_own_stack_is_stopped_only_by_faults():
         driving={"enabled": False}, sensing={"source": "points"}, topics={"points": "/points", "stop": "/stop"}
     )
     with Robot(config) as robot, bridge(config) as other:
-        other.tell("wish")
+        other.tell("command")
         other.tell("resume")
         assert eventually(lambda: other.state()["clear"])
         assert eventually(lambda: robot.stops and robot.stops[-1][1] == 0)

@@ -68,12 +68,12 @@ def recovered(left, made, acknowledged):
         trainer, _ = make_trainer(run)
         trainer.resume()
         there = {d.sequence for d in made if (d.actor, d.incarnation, d.sequence) in trainer.ingest._seen}
-        assert trainer.keeper.steps == sum(d.body.steps for d in made if d.sequence in there and is_chunk(d))
+        assert trainer.limiter.steps == sum(d.body.steps for d in made if d.sequence in there and is_chunk(d))
         for delivery in made:
             if delivery.sequence not in acknowledged:
                 trainer.ingest.store(delivery)
         if there >= acknowledged:
-            assert trainer.keeper.steps == 8 * EPISODES
+            assert trainer.limiter.steps == 8 * EPISODES
             assert trainer.ingest.episode_count == EPISODES
             assert sum(bool(line.strip()) for line in run.episodes.read_text().splitlines()) == EPISODES
         trainer.close()

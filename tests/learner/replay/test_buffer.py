@@ -10,7 +10,7 @@ from common.errors import ConfigError
 from common.messages.experience import Chunk, Delivery, End
 from common.messages.validation import check_observations
 from common.observation import MAX_DEGREE, MAX_VIEWPOINTS, Observation, ObservationBatch
-from learner.replay.buffer import Replay
+from learner.replay.buffer import ReplayBuffer
 from tests.learner.experience import deliver, episode_chunks, episode_report, observation_pool
 
 POOL = observation_pool()
@@ -41,7 +41,7 @@ def all_transitions(deliveries: list[Delivery]) -> dict[float, tuple[Observation
     return found
 
 
-def drawn(replay: Replay, draws: int = 600) -> dict[float, tuple[Observation, Observation, bool]]:
+def drawn(replay: ReplayBuffer, draws: int = 600) -> dict[float, tuple[Observation, Observation, bool]]:
     batch = replay.sample(draws, np.random.default_rng(0))
     assert batch.next_valid.all()
     return {
@@ -63,7 +63,7 @@ def test_transitions_are_the_same_in_whatever_order_chunks_arrive(data):
             actor=f"desk-{episode % 2}",
         )
     expected = all_transitions(deliveries)
-    replay = Replay(capacity=1000, max_bytes=30_000_000)
+    replay = ReplayBuffer(capacity=1000, max_bytes=30_000_000)
     for delivery in data.draw(st.permutations(deliveries)):
         replay.add(delivery)
     assert len(replay) == len(expected)
@@ -76,7 +76,7 @@ def test_transitions_are_the_same_in_whatever_order_chunks_arrive(data):
 
 def test_a_missing_chunk_leaves_a_gap_until_it_arrives():
     chunks = deliver(episode_chunks(np.random.default_rng(1), POOL, 12, 4, End.TRUNCATED))
-    replay = Replay(capacity=1000, max_bytes=30_000_000)
+    replay = ReplayBuffer(capacity=1000, max_bytes=30_000_000)
     replay.add(chunks[0])
     replay.add(chunks[2])
     assert len(replay) == 3 + 4
@@ -87,7 +87,7 @@ def test_a_missing_chunk_leaves_a_gap_until_it_arrives():
 
 def test_the_dangling_step_of_a_dead_actor_serves_imitation_alone():
     chunks = deliver(episode_chunks(np.random.default_rng(2), POOL, 4, 4, End.NONE, labelled=True))
-    replay = Replay(capacity=1000, max_bytes=30_000_000)
+    replay = ReplayBuffer(capacity=1000, max_bytes=30_000_000)
     assert replay.add(chunks[0]) == 4
     assert len(replay) == 3
     assert replay.labelled == 4
@@ -101,7 +101,7 @@ def test_the_dangling_step_of_a_dead_actor_serves_imitation_alone():
 
 def test_labels_come_back_with_their_observation_in_mixed_batches():
     rng = np.random.default_rng(3)
-    replay = Replay(capacity=1000, max_bytes=30_000_000)
+    replay = ReplayBuffer(capacity=1000, max_bytes=30_000_000)
     labelled = episode_chunks(rng, POOL, 10, 10, End.TERMINAL, labelled=True, episode=1)
     replay.add(deliver(labelled)[0])
     replay.add(deliver(episode_chunks(rng, POOL, 10, 10, End.TERMINAL, episode=2), actor="b")[0])
@@ -129,7 +129,7 @@ def test_labels_come_back_with_their_observation_in_mixed_batches():
 @pytest.mark.parametrize("steps", [1, 3])
 def test_labelled_transitions_bring_the_labels_of_the_observation_that_they_lead_to(steps):
     rng = np.random.default_rng(4)
-    replay = Replay(capacity=1000, max_bytes=30_000_000)
+    replay = ReplayBuffer(capacity=1000, max_bytes=30_000_000)
     chunk = episode_chunks(rng, POOL, 10, 10, End.TERMINAL, labelled=True, episode=1)[0]
     replay.add(deliver([chunk])[0])
     replay.add(deliver(episode_chunks(rng, POOL, 10, 10, End.TERMINAL, episode=2), actor="b")[0])
@@ -156,7 +156,7 @@ def test_labelled_transitions_bring_the_labels_of_the_observation_that_they_lead
 @given(st.integers(0, 2**32 - 1), st.integers(100, 140), st.booleans())
 def test_the_oldest_leave_first_and_limits_hold(seed, capacity, reorder):
     rng = np.random.default_rng(seed)
-    replay = Replay(capacity=capacity, max_bytes=30_000_000)
+    replay = ReplayBuffer(capacity=capacity, max_bytes=30_000_000)
     last = -1.0
     for episode in range(40):
         end = list(End)[rng.integers(3)]
@@ -177,7 +177,7 @@ def test_the_oldest_leave_first_and_limits_hold(seed, capacity, reorder):
 def test_a_buffer_bounded_by_bytes_wraps_around_without_mixing_rows():
     large = observation_pool(seed=5, viewpoints=(600, 1200))
     rng = np.random.default_rng(0)
-    replay = Replay(capacity=100_000, max_bytes=30_000_000)
+    replay = ReplayBuffer(capacity=100_000, max_bytes=30_000_000)
     recent: dict[float, tuple[Observation, Observation, bool]] = {}
     for episode in range(300):
         chunks = deliver(episode_chunks(rng, large, 16, 16, End.TERMINAL, labelled=episode % 3 == 0, episode=episode))
@@ -216,7 +216,7 @@ def test_an_observation_of_the_largest_size_fits_and_so_does_the_next():
         target_links=np.zeros(0, np.uint16),
     )
     check_observations(ObservationBatch.stack([largest]), "largest")
-    replay = Replay(capacity=100, max_bytes=30_000_000)
+    replay = ReplayBuffer(capacity=100, max_bytes=30_000_000)
     chunks = deliver(episode_chunks(np.random.default_rng(0), [largest], 1, 1, End.NONE, labelled=True))
     for _ in range(3):
         for body in (chunks[0].body, *episode_chunks(np.random.default_rng(1), POOL, 8, 8, End.TERMINAL, episode=1)):
@@ -233,7 +233,7 @@ def test_the_same_deliveries_and_seed_give_the_same_samples_from_any_start():
     deliveries = []
     for episode in range(30):
         deliveries += deliver(episode_chunks(rng, POOL, 12, 4, End.TERMINAL, episode=episode))
-    whole, rebuilt = Replay(100, 30_000_000), Replay(100, 30_000_000)
+    whole, rebuilt = ReplayBuffer(100, 30_000_000), ReplayBuffer(100, 30_000_000)
     for delivery in deliveries:
         whole.add(delivery)
     for delivery in deliveries[30:]:
@@ -246,7 +246,7 @@ def test_the_same_deliveries_and_seed_give_the_same_samples_from_any_start():
 
 def test_a_confused_actor_that_repeats_steps_does_no_harm():
     rng = np.random.default_rng(8)
-    replay = Replay(capacity=100, max_bytes=30_000_000)
+    replay = ReplayBuffer(capacity=100, max_bytes=30_000_000)
     for sequence in range(200):
         first, second = episode_chunks(rng, POOL, 8, 4, End.NONE)
         replay.add(Delivery("a", 1, 2 * sequence, second if sequence % 3 else first))
@@ -256,7 +256,7 @@ def test_a_confused_actor_that_repeats_steps_does_no_harm():
 
 
 def test_reports_are_no_experience_and_an_empty_buffer_says_so():
-    replay = Replay(capacity=100, max_bytes=30_000_000)
+    replay = ReplayBuffer(capacity=100, max_bytes=30_000_000)
     assert replay.add(deliver([episode_report()])[0]) == 0
     assert len(replay) == 0
     with pytest.raises(ValueError, match="no transition yet"):
@@ -267,14 +267,14 @@ def test_reports_are_no_experience_and_an_empty_buffer_says_so():
 
 def test_too_little_memory_is_refused_with_advice():
     with pytest.raises(ConfigError, match=r"max_bytes.*30,000,000 or more"):
-        Replay(capacity=100, max_bytes=20_000_000)
+        ReplayBuffer(capacity=100, max_bytes=20_000_000)
 
 
 def test_adding_and_sampling_from_threads_never_mixes_observations():
     rng = np.random.default_rng(6)
     episodes = [deliver(episode_chunks(rng, POOL, 20, 5, End.TERMINAL, episode=e)) for e in range(60)]
     expected = all_transitions([delivery for chunks in episodes for delivery in chunks])
-    replay = Replay(capacity=150, max_bytes=30_000_000)
+    replay = ReplayBuffer(capacity=150, max_bytes=30_000_000)
     for chunk in episodes[0]:
         replay.add(chunk)
 
@@ -295,7 +295,7 @@ def test_several_steps_sum_up_to_the_end_of_the_episode():
     chunks = deliver(episode_chunks(np.random.default_rng(3), POOL, 7, 3, End.TERMINAL))
     rewards = np.concatenate([delivery.body.rewards for delivery in chunks])
     last = chunks[-1].body.observations
-    replay = Replay(capacity=1000, max_bytes=30_000_000)
+    replay = ReplayBuffer(capacity=1000, max_bytes=30_000_000)
     for delivery in chunks:
         replay.add(delivery)
     firsts = {float(np.float32(r)): i for i, r in enumerate(rewards)}
@@ -313,7 +313,7 @@ def test_several_steps_sum_up_to_the_end_of_the_episode():
 
 def test_several_steps_stop_at_a_gap():
     chunks = deliver(episode_chunks(np.random.default_rng(4), POOL, 12, 4, End.TRUNCATED))
-    replay = Replay(capacity=1000, max_bytes=30_000_000)
+    replay = ReplayBuffer(capacity=1000, max_bytes=30_000_000)
     replay.add(chunks[0])
     batch = replay.sample(100, np.random.default_rng(0), steps=5, gamma=0.5)
     # Of the four steps here three have a successor: they sum one, two or three rewards.
@@ -323,7 +323,7 @@ def test_several_steps_stop_at_a_gap():
 
 def test_the_newest_transitions_are_those_that_arrived_last():
     rng = np.random.default_rng(8)
-    replay = Replay(capacity=30, max_bytes=30_000_000)
+    replay = ReplayBuffer(capacity=30, max_bytes=30_000_000)
     for episode in range(9):  # the ring has turned: the newest lie before older ones in memory
         replay.add(deliver(episode_chunks(rng, POOL, 10, 10, End.TERMINAL, labelled=True, episode=episode))[0])
     batch = replay.sample(300, rng, labelled=True, newest=13)
@@ -333,7 +333,7 @@ def test_the_newest_transitions_are_those_that_arrived_last():
 
 def test_rehearsed_steps_come_last_from_the_whole_buffer_and_count_as_nobodys_choice():
     rng = np.random.default_rng(9)
-    replay = Replay(capacity=1000, max_bytes=30_000_000)
+    replay = ReplayBuffer(capacity=1000, max_bytes=30_000_000)
     chunks = [episode_chunks(rng, POOL, 10, 10, End.TERMINAL, labelled=True, episode=i)[0] for i in range(4)]
     for chunk in chunks:
         replay.add(deliver([chunk])[0])

@@ -77,7 +77,7 @@ def test_poison_is_found_and_taken_out(run, value):
     assert "set right" in done.output
     assert list((run / "damaged").iterdir())
     again = resumed(run)
-    assert (again.ingest.poisoned, again.keeper.steps) == (0, 80)
+    assert (again.ingest.poisoned, again.limiter.steps) == (0, 80)
     assert command(run).exit_code == 0
 
 
@@ -104,7 +104,7 @@ def test_everything_that_is_damaged_is_told_and_set_aside(run):
     assert all(not finding.wrong for finding in examine(run))
     assert len(list((run / "damaged").iterdir())) == 3
     assert (run / "checkpoints" / "damaged-000000000").is_dir()
-    assert resumed(run).keeper.updates == 12
+    assert resumed(run).limiter.updates == 12
 
 
 def flip(path, place):

@@ -8,12 +8,12 @@ import numpy as np
 
 from actors.driver import Choice
 from actors.environment import Step
-from actors.expert import Judgement
+from actors.expert import ExpertLabel
 from common.messages.experience import Chunk, End, ExpertLabels
 from common.observation import Observation, ObservationBatch
 
 
-class Recorder:
+class TransitionRecorder:
     """Collects the steps of one episode after another and hands them on in chunks.
 
     Args:
@@ -41,20 +41,20 @@ class Recorder:
         self._first_step = 0
         self._clear()
 
-    def add(self, observation: Observation, choice: Choice, judgement: Judgement | None, step: Step) -> None:
+    def add(self, observation: Observation, choice: Choice, expert_label: ExpertLabel | None, step: Step) -> None:
         """Add one decision and its result; hands on a chunk when it is full or the episode ends.
 
         Args:
             observation: what the decision was made from.
             choice: the decision.
-            judgement: the expert's view of it, or None; all steps of an episode have one, or none has.
+            expert_label: the expert's view of it, or None; all steps of an episode have one, or none has.
             step: what came of it.
         """
         self._observations.append(observation)
         self._choices.append(choice)
         self._rewards.append(step.reward)
-        if judgement is not None:
-            self._judgements.append(judgement)
+        if expert_label is not None:
+            self._expert_labels.append(expert_label)
         if step.end is not End.NONE:
             self._observations.append(step.observation)
             self._cut(step.end)
@@ -69,17 +69,17 @@ class Recorder:
     def _clear(self) -> None:
         self._observations: list[Observation] = []
         self._choices: list[Choice] = []
-        self._judgements: list[Judgement] = []
+        self._expert_labels: list[ExpertLabel] = []
         self._rewards: list[float] = []
 
     def _cut(self, end: End) -> None:
         labels = None
-        if len(self._judgements) == len(self._rewards):
+        if len(self._expert_labels) == len(self._rewards):
             labels = ExpertLabels(
-                cost=np.concatenate([judgement.cost for judgement in self._judgements]),
-                beacon=np.array([judgement.beacon for judgement in self._judgements], dtype=np.int32),
-                remaining=np.array([judgement.remaining for judgement in self._judgements], dtype=np.float32),
-                unseen=np.array([judgement.unseen for judgement in self._judgements], dtype=np.float32),
+                cost=np.concatenate([expert_label.cost for expert_label in self._expert_labels]),
+                beacon=np.array([expert_label.beacon for expert_label in self._expert_labels], dtype=np.int32),
+                remaining=np.array([expert_label.remaining for expert_label in self._expert_labels], dtype=np.float32),
+                unseen=np.array([expert_label.unseen for expert_label in self._expert_labels], dtype=np.float32),
             )
         chunk = Chunk(
             episode=self._episode,

@@ -11,9 +11,9 @@ from rosbags.highlevel import AnyReader
 
 from common.geometry import Pose
 from deploy.config import DeployConfig
+from deploy.recording.bag_recorder import BagRecorder
 from deploy.recording.errors import RecordingError
 from deploy.recording.reader import read_bag, recorded_config
-from deploy.recording.recorder import Recorder
 from deploy.recording.writer import BagWriter
 from deploy.ros2 import LATCHED, SENSOR, Node, message
 from deploy.ros2.conversions import grid_from, occupancy_grid, odometry, twist
@@ -41,7 +41,7 @@ class Running:
 
     def __init__(self, path, config, **settings):
         self.bag = BagWriter(path, config=config)
-        self.recorder = Recorder(config, self.bag, **settings)
+        self.recorder = BagRecorder(config.ros, self.bag, **settings)
         self.stop = threading.Event()
         self.thread = threading.Thread(target=self.recorder.run, args=(self.stop,))
 
@@ -115,7 +115,7 @@ def test_patterns_choose_topics(endpoint, tmp_path):
 
 def test_a_recorder_ends_after_its_duration(endpoint, tmp_path):
     config = DeployConfig(ros=ros(endpoint))
-    with BagWriter(tmp_path / "short") as bag, Recorder(config, bag) as recorder:
+    with BagWriter(tmp_path / "short") as bag, BagRecorder(config.ros, bag) as recorder:
         begin = time.monotonic()
         recorder.run(threading.Event(), 0.5)
         assert 0.4 < time.monotonic() - begin < 10.0
@@ -153,7 +153,7 @@ def test_the_command_ends_with_a_whole_bag(endpoint, tmp_path, ending):
 
 def test_a_full_disk_ends_the_recording_with_a_clear_error(endpoint, tmp_path, monkeypatch):
     config = DeployConfig(ros=ros(endpoint))
-    with BagWriter(tmp_path / "full") as bag, Recorder(config, bag) as recorder:
+    with BagWriter(tmp_path / "full") as bag, BagRecorder(config.ros, bag) as recorder:
 
         def full():
             raise OSError(28, "No space left on device")

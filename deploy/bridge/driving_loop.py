@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from common.closing import Closing
 from common.geometry import Pose
 from common.planners.base import Position
-from deploy.config import DeployConfig
+from deploy.config import DrivingConfig
 from deploy.driving import LocalPlanner
 from deploy.safety.gate import VelocityGate
 from deploy.safety.health import HealthMonitor
@@ -40,8 +40,8 @@ class Surroundings(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
-    """What the decision loop wants of the driver.
+class DrivingRequest:
+    """What the decision loop wants of the driving loop.
 
     Attributes:
         route: positions to drive along, metres; empty to stand.
@@ -56,20 +56,21 @@ class Wish:
     free: bool = False
 
 
-class Driver(Closing):
+class DrivingLoop(Closing):
     """Drives along the newest route at `driving.rate`, in a thread of its own.
 
     It stands when the loop says so, when an input is stale or the pose jumps, and when the loop itself falls silent.
 
     Usage::
 
-        with Driver(config, robot_map, health, gate, velocity, may_move, loop.report_blocked) as driver:
-            driver.follow(outcome.course.route)
+        with DrivingLoop(config, 1.0, robot_map, health, gate, velocity, may_move, loop.report_blocked) as driving:
+            driving.follow(outcome.course.route)
     """
 
     def __init__(
         self,
-        config: DeployConfig,
+        config: DrivingConfig,
+        decision_rate: float,
         surroundings: Surroundings,
         health: HealthMonitor,
         gate: VelocityGate,
@@ -80,7 +81,8 @@ class Driver(Closing):
         """Start the thread.
 
         Args:
-            config: whole tree.
+            config: of the local planner, which drives where it is enabled.
+            decision_rate: of the decision loop, Hz; after four decisions' time without a request the robot stands.
             surroundings: pose and obstacles.
             health: checked at every turn, so that a jump of the pose stops the robot at once.
             gate: takes the velocities.
@@ -96,9 +98,9 @@ class Driver(Closing):
         self._velocity = velocity
         self._may_move = may_move
         self._on_blocked = on_blocked
-        self._planner = LocalPlanner(config.driving) if config.driving.enabled else None
-        self._patience = max(1.0, 4.0 / config.decision.rate)
-        self._wish = Wish((), "the bridge has just started", time.monotonic())
+        self._planner = LocalPlanner(config) if config.enabled else None
+        self._patience = max(1.0, 4.0 / decision_rate)
+        self._request = DrivingRequest((), "the bridge has just started", time.monotonic())
         self._route: tuple[Position, ...] = ()
         self._told_blocked = False
         self._held = ("", "")
@@ -110,7 +112,7 @@ class Driver(Closing):
 
     def follow(self, route: tuple[Position, ...]) -> None:
         """Drive along a route; to be said again at every pass of the decision loop."""
-        self._wish = Wish(route, "", time.monotonic())
+        self._request = DrivingRequest(route, "", time.monotonic())
 
     def stand(self, reason: str, *, free: bool = False) -> None:
         """Stand; to be said again at every pass of the decision loop.
@@ -119,7 +121,7 @@ class Driver(Closing):
             reason: why, for the operator.
             free: nothing is asked of the robot: one whose own stack drives is left to others.
         """
-        self._wish = Wish((), reason, time.monotonic(), free)
+        self._request = DrivingRequest((), reason, time.monotonic(), free)
 
     def close(self) -> None:
         """Stand and end the thread."""
@@ -136,7 +138,7 @@ class Driver(Closing):
         self._gate.hold(self._held[1])
 
     def _run(self) -> None:
-        period = 1.0 / self._config.driving.rate
+        period = 1.0 / self._config.rate
         due = time.monotonic()
         while not self._stop.wait(max(0.0, due - time.monotonic())):
             due = max(due + period, time.monotonic())
@@ -151,17 +153,17 @@ class Driver(Closing):
 
     def _turn(self, period: float) -> None:
         now = time.monotonic()
-        wish = self._wish
-        if now - wish.made > self._patience:
+        request = self._request
+        if now - request.made > self._patience:
             self._hold(f"the decision loop has been silent for more than {self._patience:g} s")
             return
-        if wish.free and self._planner is None:
+        if request.free and self._planner is None:
             self._held = ("", "")
             self._gate.resume()
             return
-        if not (wish.route and self._may_move()):
+        if not (request.route and self._may_move()):
             self._route = ()
-            self._hold(wish.hold or "no order to move")
+            self._hold(request.hold or "no order to move")
             return
         faults = self._health.check(now)
         pose = self._surroundings.pose
@@ -172,16 +174,16 @@ class Driver(Closing):
             self._held = ("", "")
             self._gate.resume()
             return
-        if wish.route[0] not in self._route or (self._told_blocked and wish.route != self._route):
+        if request.route[0] not in self._route or (self._told_blocked and request.route != self._route):
             # Somewhere else, not just further along the old way; or another way after one that was blocked.
             self._planner.reset()
-        if wish.route != self._route:
-            self._route, self._told_blocked = wish.route, False
-        reach = self._config.driving.costmap_size / 2.0
+        if request.route != self._route:
+            self._route, self._told_blocked = request.route, False
+        reach = self._config.costmap_size / 2.0
         obstacles = self._surroundings.obstacles_near(pose, reach)
-        command = self._planner.command(pose, self._velocity(), wish.route, obstacles, period)
+        command = self._planner.command(pose, self._velocity(), request.route, obstacles, period)
         self._held = ("", "")
-        self._gate.wish(command.linear, command.angular)
+        self._gate.command(command.linear, command.angular)
         # What the watchdog keeps from the wheels need not show in the pose.
         passed = (command.linear, command.angular) if self._gate.state.clear else (0.0, 0.0)
         self._health.commanded(now, *passed)

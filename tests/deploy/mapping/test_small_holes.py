@@ -11,8 +11,8 @@ from scipy import ndimage
 from common.geometry import Pose
 from common.mapping.belief import Belief
 from common.mapping.sight import FREE, OCCUPIED, UNKNOWN
-from deploy.mapping.pockets import Pockets
 from deploy.mapping.robot_map import RobotMap
+from deploy.mapping.small_holes import SmallHoles
 from tests.deploy.mapping.lidar import configure, room, scan_at
 
 
@@ -32,12 +32,12 @@ def expected(cells: np.ndarray, area: int) -> np.ndarray:
     labels, _ = ndimage.label(unknown, np.ones((3, 3)))
     free = np.pad(cells == FREE, 1)
     beside = ndimage.binary_dilation(free)
-    pocket = np.zeros_like(unknown)
+    hole = np.zeros_like(unknown)
     for label in np.unique(labels[unknown]):
         here = labels == label
         if label != labels[0, 0] and here.sum() <= area and (here & beside).any():
-            pocket |= here
-    return pocket[1:-1, 1:-1]
+            hole |= here
+    return hole[1:-1, 1:-1]
 
 
 @settings(max_examples=60, deadline=None)
@@ -47,23 +47,23 @@ def test_it_finds_what_is_enclosed_and_small_and_nothing_else(seed, area, share)
     cells = np.where(random.random((24, 30)) < share, FREE, UNKNOWN).astype(np.int8)
     cells[random.random(cells.shape) < 0.2] = OCCUPIED
     belief = belief_of(cells)
-    found = Pockets(float(area), 1.0).find(belief, whole(belief))
+    found = SmallHoles(float(area), 1.0).find(belief, whole(belief))
     mask = np.zeros(cells.shape, dtype=np.bool_)
     mask[tuple(found.T)] = True
     np.testing.assert_array_equal(mask, expected(cells, area))
 
 
-def test_known_pockets_stay_where_they_are_when_the_grid_grows():
+def test_known_holes_stay_where_they_are_when_the_grid_grows():
     cells = np.zeros((9, 9), dtype=np.int8)
     cells[4, 4] = UNKNOWN
     belief = belief_of(cells)
-    pockets = Pockets(2.0, 1.0)
-    assert pockets.find(belief, whole(belief)).tolist() == [[4, 4]]
+    holes = SmallHoles(2.0, 1.0)
+    assert holes.find(belief, whole(belief)).tolist() == [[4, 4]]
     larger = np.full((15, 15), UNKNOWN, dtype=np.int8)
-    pockets.close(larger, (-3, -2))
+    holes.close(larger, (-3, -2))
     assert np.argwhere(larger == OCCUPIED).tolist() == [[7, 6]]
     known = np.zeros((15, 15), dtype=np.int8)
-    pockets.close(known, (-3, -2))
+    holes.close(known, (-3, -2))
     assert not known.any()
 
 
@@ -71,7 +71,7 @@ def test_only_what_touches_the_part_is_looked_at():
     cells = np.zeros((9, 20), dtype=np.int8)
     cells[4, 4] = cells[4, 15] = UNKNOWN
     belief = belief_of(cells)
-    assert Pockets(2.0, 1.0).find(belief, (0, 8, 0, 9)).tolist() == [[4, 4]]
+    assert SmallHoles(2.0, 1.0).find(belief, (0, 8, 0, 9)).tolist() == [[4, 4]]
 
 
 def furnished() -> np.ndarray:
@@ -99,19 +99,19 @@ def look(robot_map: RobotMap, free: np.ndarray, *places: tuple[float, float], st
 ROUND = [(1.5, 2.0), (1.5, 8.0), (4.3, 9.0), (4.3, 1.2)]
 
 
-@pytest.mark.parametrize("pocket", [0.0, 1.0])
-def test_an_exploration_is_done_with_a_room_but_for_its_pockets(pocket):
-    robot_map = RobotMap(configure(sensing={"pocket": pocket}))
+@pytest.mark.parametrize("hole", [0.0, 1.0])
+def test_an_exploration_is_done_with_a_room_but_for_its_holes(hole):
+    robot_map = RobotMap(configure(sensing={"hole_area": hole}))
     look(robot_map, furnished(), *ROUND)
     mapper = robot_map.refresh()
-    assert (len(mapper.frontiers) == 0) == (pocket > 0.0)
-    assert mapper.observe().utility.any() == (pocket == 0.0)
+    assert (len(mapper.frontiers) == 0) == (hole > 0.0)
+    assert mapper.observe().utility.any() == (hole == 0.0)
     # What is published is what was measured.
     occupancy, _, _ = robot_map.occupancy()
     assert (occupancy == UNKNOWN).any()
 
 
-def test_a_look_into_a_pocket_shows_what_is_in_it():
+def test_a_look_into_a_hole_shows_what_is_in_it():
     robot_map = RobotMap(configure())
     free = furnished()
     look(robot_map, free, *ROUND)
@@ -120,7 +120,7 @@ def test_a_look_into_a_pocket_shows_what_is_in_it():
     assert robot_map.refresh().belief.at(NICHE) == FREE
 
 
-def test_on_the_way_to_a_target_pockets_are_unknown_again():
+def test_on_the_way_to_a_target_holes_are_unknown_again():
     robot_map = RobotMap(configure())
     look(robot_map, furnished(), *ROUND)
     assert robot_map.refresh().belief.at(NICHE) == OCCUPIED
@@ -130,7 +130,7 @@ def test_on_the_way_to_a_target_pockets_are_unknown_again():
     assert robot_map.refresh().belief.at(NICHE) == OCCUPIED
 
 
-def test_the_map_of_a_slam_may_open_a_pocket_again():
+def test_the_map_of_a_slam_may_open_a_hole_again():
     robot_map = RobotMap(configure(sensing={"source": "grid"}))
     robot_map.add_pose(1.0, Pose(1.5, 2.0))
     cells = np.where(furnished(), FREE, OCCUPIED).astype(np.int8)
@@ -144,7 +144,7 @@ def test_the_map_of_a_slam_may_open_a_pocket_again():
     assert robot_map.refresh().belief.at(NICHE) == UNKNOWN
 
 
-def test_a_room_behind_a_narrow_door_is_no_pocket():
+def test_a_room_behind_a_narrow_door_is_no_hole():
     robot_map = RobotMap(configure())
     free = room()
     free[16:26, 36:38] = False

@@ -9,13 +9,14 @@ from typing import Final
 
 import numpy as np
 
+from common.config.schema import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status
 from deploy.bridge.detour import detour, useful_nodes
 from deploy.bridge.outcome import Course
 from deploy.bridge.unseen import go_to_unseen
-from deploy.config import DeployConfig
+from deploy.config import SafetyConfig
 from deploy.safety.blacklist import Ban, Blacklist
 from deploy.safety.geofence import Geofence
 from deploy.safety.loops import LoopDetector
@@ -31,22 +32,23 @@ _LOOKED_AT: Final = 1.0
 _NEAR: Final = 0.75
 
 
-class Oversight:
+class PlanSupervisor:
     """Knows where the robot may go, and notices when it gets nowhere.
 
     Attributes:
         target: of navigation, which is never banned; None in exploration.
     """
 
-    def __init__(self, config: DeployConfig) -> None:
+    def __init__(self, safety: SafetyConfig, mapping: MappingConfig) -> None:
+        """Ban nothing yet; the graph's room for the robot is kept from the edge of `safety.geofence` too."""
         self.target: Position | None = None
-        self._fence = Geofence(config.safety.geofence)
-        self._blacklist = Blacklist(config.safety, min(_SAME_PLACE, config.mapping.viewpoint_spacing / 2.0))
-        self._progress = ProgressMonitor(config.safety)
-        self._progress_time = config.safety.progress_time
+        self._fence = Geofence(safety.geofence, mapping.robot_radius)
+        self._blacklist = Blacklist(safety, min(_SAME_PLACE, mapping.viewpoint_spacing / 2.0))
+        self._progress = ProgressMonitor(safety)
+        self._progress_time = safety.progress_time
         self._loops = LoopDetector()
-        self._spacing = config.mapping.viewpoint_spacing
-        self._radius = config.mapping.robot_radius
+        self._spacing = mapping.viewpoint_spacing
+        self._radius = mapping.robot_radius
         # Viewpoints where the robot was with something left to see; the edge of a frontier that it is on its way to,
         # and those where it was.
         self._visited: list[Position] = []

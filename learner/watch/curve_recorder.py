@@ -18,7 +18,7 @@ LOG_EVERY = 10
 """Updates between two points of the curves."""
 
 
-class Recorder:
+class CurveRecorder:
     """Figures of training between two points, and the curves that they go to. docs/metrics.md explains each.
 
     Args:
@@ -58,21 +58,21 @@ class Recorder:
 
     def write(self) -> None:
         """Write one point of every curve."""
-        ingest, keeper, replay = self._ingest, self._ingest.keeper, self._ingest.replay
+        ingest, limiter, replay = self._ingest, self._ingest.limiter, self._ingest.replay
         self.figures = self._figures.take() or self.figures
         values = {
             **self.figures,
             **self._means.take(),
             **ingest.means.take(),
-            "collect/steps": keeper.steps,
+            "collect/steps": limiter.steps,
             "collect/steps_per_second": ingest.steps_rate.rate,
             "collect/episodes": ingest.episode_count,
             "replay/transitions": len(replay),
             "replay/fill": replay.fill,
             "replay/megabytes": replay.bytes / 1e6,
-            "ratio/actual": keeper.actual,
-            "ratio/lead_steps": keeper.lead,
-            "ratio/hold_seconds": keeper.hold(),
+            "ratio/actual": limiter.actual,
+            "ratio/lead_steps": limiter.lead,
+            "ratio/hold_seconds": limiter.hold(),
             "time/updates_per_second": self.updates_rate.rate,
             "policy/version": ingest.version,
         }
@@ -80,11 +80,11 @@ class Recorder:
             late = ingest.episodes.means(group)
             if late is not None:
                 values |= _named(f"episode_{group}", asdict(late))
-        self._write(keeper.updates, values)
+        self._write(limiter.updates, values)
 
     def write_evaluation(self, finished: Round) -> None:
         """Write the point of a complete round of evaluation."""
-        self._write(self._ingest.keeper.updates, _named("evaluation", finished.figures))
+        self._write(self._ingest.limiter.updates, _named("evaluation", finished.figures))
 
     def write_text(self, name: str, content: str) -> None:
         """Write a text, such as the configuration."""

@@ -1,7 +1,7 @@
-"""Pockets: unknown areas that known cells enclose and that are too small to be worth a look.
+"""Holes: unknown areas that known cells enclose and that are too small to be worth a look.
 
 The inside of a desk leg, the shadow in a corner, a few cells that every beam grazes: a robot that goes for them drives
-as far again as for all the rest of a building. What lies behind a door is no pocket, however narrow the door, because
+as far again as for all the rest of a building. What lies behind a door is no hole, however narrow the door, because
 it is open to all that is unknown outside.
 """
 
@@ -16,31 +16,31 @@ from common.jit import njit
 from common.mapping.belief import Belief
 from common.mapping.sight import FREE, OCCUPIED, UNKNOWN, Box
 
-# Marks of cells: not flooded yet; flooded; and known to lie in an area that is no pocket.
+# Marks of cells: not flooded yet; flooded; and known to lie in an area that is no hole.
 _UNSEEN: Final = 0
 _SEEN: Final = 1
 _OPEN: Final = 2
 
 
-class Pockets:
-    """The pockets of one belief, which planners are shown as obstacles.
+class SmallHoles:
+    """The holes of one belief, which planners are shown as obstacles.
 
-    In a map made of scans a pocket stays one: what is unknown does not grow. Cells of it that a scan tells of are shown
+    In a map made of scans a hole stays one: what is unknown does not grow. Cells of it that a scan tells of are shown
     as they are.
     """
 
     def __init__(self, area: float, resolution: float) -> None:
-        """Know of none; `area` of the largest pocket, square metres, 0 for none at all; `resolution` in metres."""
+        """Know of none; `area` of the largest hole, square metres, 0 for none at all; `resolution` in metres."""
         self._limit = int(area / resolution**2)
         self.forget()
 
     def forget(self) -> None:
-        """Forget all pockets, because the grid is another one."""
+        """Forget all holes, because the grid is another one."""
         # Row and column of each cell, counted from the anchor, because grids grow in all directions.
         self._cells = np.empty((0, 2), dtype=np.int64)
 
     def close(self, cells: NDArray[np.int8], first: tuple[int, int]) -> None:
-        """Mark the unknown cells of known pockets as occupied, in place.
+        """Mark the unknown cells of known holes as occupied, in place.
 
         Args:
             cells: part of a grid, int8, shape (rows, columns).
@@ -53,14 +53,14 @@ class Pockets:
         cells[rows[unknown], columns[unknown]] = OCCUPIED
 
     def find(self, belief: Belief, box: Box) -> NDArray[np.int64]:
-        """Take in the new pockets that touch a part of a belief.
+        """Take in the new holes that touch a part of a belief.
 
         Args:
-            belief: where known pockets are closed already.
+            belief: where known holes are closed already.
             box: first and last row, first and last column of its grid.
 
         Returns:
-            Row and column in the belief's grid of the cells of new pockets, shape (n, 2).
+            Row and column in the belief's grid of the cells of new holes, shape (n, 2).
         """
         if not self._limit:
             return np.empty((0, 2), dtype=np.int64)
@@ -78,7 +78,7 @@ def _find(padded: NDArray[np.int8], top: int, bottom: int, left: int, right: int
     cells = padded.reshape(-1)
     marks = np.zeros(len(cells), dtype=np.int8)
     area = np.empty(limit + 9, dtype=np.int64)
-    pockets = [np.int64(0) for _ in range(0)]
+    holes = [np.int64(0) for _ in range(0)]
     for row in range(top, bottom + 1):
         for start in range(row * width + left, row * width + right + 1):
             if cells[start] != UNKNOWN or marks[start] != _UNSEEN:
@@ -103,7 +103,7 @@ def _find(padded: NDArray[np.int8], top: int, bottom: int, left: int, right: int
                     enclosed = False
             for cell in area[:size]:
                 if enclosed:
-                    pockets.append(cell)
+                    holes.append(cell)
                 else:
                     marks[cell] = _OPEN
-    return np.array(pockets, dtype=np.int64)
+    return np.array(holes, dtype=np.int64)

@@ -6,7 +6,7 @@ import pytest
 from actors.environment import Environment
 from actors.evaluation.episode import run_episode
 from actors.evaluation.pixels import to_metres, to_pixels
-from actors.evaluation.replay import recount
+from actors.evaluation.recount import recount
 from actors.evaluation.results import Results
 from actors.maps.sources import open_sources
 from actors.simulators.grid import GridSimulator

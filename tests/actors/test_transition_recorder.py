@@ -3,7 +3,7 @@ import pytest
 
 from actors.driver import ExpertDriver, PolicyDriver, RandomDriver
 from actors.episode import Role, run_episode
-from actors.recorder import Recorder
+from actors.transition_recorder import TransitionRecorder
 from common.config.schema import NetworkConfig
 from common.messages.experience import Delivery, End, ObservationBatch
 from common.messages.schema import decode, encode
@@ -30,7 +30,7 @@ class Watcher(RandomDriver):
 def record(task="exploration", chunk_steps=4, seed=0, label=True, **options):
     chunks = []
     driver = Watcher(seed)
-    recorder = Recorder(chunk_steps, chunks.append)
+    recorder = TransitionRecorder(chunk_steps, chunks.append)
     env = environment(task, **options)
     report = run_episode(env, BRANCHES, driver, ROLE, seed=0, recorder=recorder, label=label)
     return chunks, driver, report, env
@@ -94,7 +94,7 @@ def test_without_labels_there_are_none():
 
 def test_an_episode_without_decisions_sends_no_chunk():
     chunks = []
-    recorder = Recorder(4, chunks.append)
+    recorder = TransitionRecorder(4, chunks.append)
     report = run_episode(environment(), ROOM, ExpertDriver(), ROLE, seed=0, recorder=recorder)
     assert report.steps == 0
     assert chunks == []
@@ -102,7 +102,7 @@ def test_an_episode_without_decisions_sends_no_chunk():
 
 def test_a_broken_off_episode_keeps_what_was_collected():
     chunks = []
-    recorder = Recorder(4, chunks.append)
+    recorder = TransitionRecorder(4, chunks.append)
     left = iter([True] * 6 + [False])
     report = run_episode(
         environment(), CORRIDOR, ExpertDriver(), ROLE, seed=0, recorder=recorder, keep_on=lambda: next(left)
@@ -119,7 +119,7 @@ def test_a_broken_off_episode_keeps_what_was_collected():
 def test_drawn_waypoints_carry_their_probability_and_others_none():
     policy = Policy.from_config(NetworkConfig(width=16, heads=2, layers=1))
     chunks = []
-    recorder = Recorder(64, chunks.append)
+    recorder = TransitionRecorder(64, chunks.append)
     drawing = PolicyDriver(policy, np.random.default_rng(3))
     for driver in (drawing, ExpertDriver(), PolicyDriver(policy, np.random.default_rng(3), greedy=True)):
         env = environment(max_steps=5)

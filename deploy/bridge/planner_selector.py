@@ -22,17 +22,17 @@ class PlannerError(HDError):
     """A planner failed to decide."""
 
 
-class PlannerTeam:
+class PlannerSelector:
     """Asks the planner in charge; another takes over for a while when it fails or gets nowhere.
 
     Usage::
 
-        team.begin("exploration", None)
-        plan = team.plan(mapper, pose, now)
+        planners.begin("exploration", None)
+        plan = planners.plan(mapper, pose, now)
     """
 
     def __init__(self, main: Planner, fallback: Planner, home: Planner, relief: float) -> None:
-        """Put a team together.
+        """Put the planners together.
 
         Args:
             main: in charge.
@@ -131,13 +131,13 @@ def _asked(planner: Planner, task: TaskName) -> TaskName:
     return find_task(task).asked_of(planner.name, planner.tasks)
 
 
-def with_planning_set(config: DeployConfig, team: PlannerTeam) -> DeployConfig:
+def with_planning_set(config: DeployConfig, planners: PlannerSelector) -> DeployConfig:
     """Return the configuration whose mapping suits the planner in charge: a policy brings rules of its own."""
-    mapping = mapping_for(team.main, _asked(team.main, config.decision.task), config.mapping)
+    mapping = mapping_for(planners.main, _asked(planners.main, config.decision.task), config.mapping)
     return config.model_copy(update={"mapping": mapping})
 
 
-def make_team(config: DeployConfig, main: Planner | None = None) -> PlannerTeam:
+def make_planners(config: DeployConfig, main: Planner | None = None) -> PlannerSelector:
     """Make the planners that a configuration names.
 
     Args:
@@ -162,4 +162,4 @@ def make_team(config: DeployConfig, main: Planner | None = None) -> PlannerTeam:
     fallback = make_planner(decision.fallback or task.fallback, config.mapping)
     for planner in (main, fallback):
         task.asked_of(planner.name, planner.tasks)
-    return PlannerTeam(main, fallback, make_planner(HOME_PLANNER, config.mapping), decision.relief)
+    return PlannerSelector(main, fallback, make_planner(HOME_PLANNER, config.mapping), decision.relief)

@@ -10,7 +10,7 @@ MIN_HOLD = 0.05
 MAX_HOLD = 30.0
 
 
-class RatioKeeper:
+class RateLimiter:
     """Keeps updates and collected steps at a declared ratio by making the one that is ahead wait.
 
     The learner updates while ``updates < updates_per_step * steps``. When the actors are more than a tolerance

@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 _PATIENCE: Final = 5.0
 
 
-class Oversight:
+class GraphMonitor:
     """Finds wrong types, other sources of velocities, other nodes of the relay's name, and needed topics that lack.
 
     Attributes:

@@ -9,21 +9,23 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from common.errors import HDError
+from deploy.bridge.command_text import parse
 from deploy.bridge.commands import Commands
 from deploy.bridge.decision import DecisionLoop
 from deploy.bridge.inputs import Inputs
 from deploy.bridge.mission import Mission
 from deploy.bridge.outcome import Outcome
-from deploy.bridge.team import make_team, with_planning_set
-from deploy.bridge.words import parse
+from deploy.bridge.planner_selector import make_planners, with_planning_set
 from deploy.config import DeployConfig
 from deploy.mapping.robot_map import RobotMap
+from deploy.network_config import TopicsConfig
 from deploy.recording.comparison import Decision
 from deploy.recording.reader import Recorded
 from deploy.ros2 import Message, Received, RosError
 from deploy.ros2.conversions import pose_from_stamped, position_from
 from deploy.ros2.messages import deserialize
 from deploy.ros2.names import namespace, topic_name
+from deploy.safety.geofence import Geofence
 from deploy.safety.health import HealthMonitor
 
 log = logging.getLogger(__name__)
@@ -51,7 +53,7 @@ class _NoGate:
 
 
 @dataclass(slots=True)
-class Replayed:
+class Playback:
     """What came of a replay.
 
     Attributes:
@@ -73,7 +75,7 @@ class Replayed:
     map_statistics: Any = None
 
 
-class Replay:
+class BagPlayer:
     """Feeds the messages of a recording to a bridge without a network, on the clock of the recording.
 
     Commands and targets are taken from their topics, and from the recorded status, since commands by `hd-deploy
@@ -81,7 +83,7 @@ class Replay:
 
     Usage::
 
-        replayed = Replay(config, self_start=False).run(read_bag(path))
+        replayed = BagPlayer(config, self_start=False).run(read_bag(path))
     """
 
     def __init__(
@@ -101,17 +103,26 @@ class Replay:
         self._self_start = self_start
         self._listener = listener
         self._now = 0.0
-        team = make_team(config)
-        self._map = RobotMap(with_planning_set(config, team), config.decision.goal)
-        self._health = HealthMonitor(config.safety, sensor=config.sensing.source)
+        planners = make_planners(config)
+        self._map = RobotMap(with_planning_set(config, planners), config.decision.goal)
+        self._health = HealthMonitor(config.safety, Geofence.around_robot(config), config.sensing.source)
         self._mission = Mission(config.decision.task, config.decision.goal)
         self._inputs = Inputs(config, self._map, self._health)
-        self._loop = DecisionLoop(config, self._map, team, self._mission, self._health, clock=lambda: self._now)
+        self._loop = DecisionLoop(
+            config.decision,
+            config.mapping,
+            config.safety,
+            self._map,
+            planners,
+            self._mission,
+            self._health,
+            clock=lambda: self._now,
+        )
         self._commands = Commands(self._mission, _NoGate(), dict)
-        self._result = Replayed()
+        self._result = Playback()
         self._takers = self._by_topic()
 
-    def run(self, messages: Iterable[Recorded]) -> Replayed:
+    def run(self, messages: Iterable[Recorded]) -> Playback:
         """Replay to the end and return what was decided."""
         result = self._result
         due = 0.0
@@ -237,10 +248,9 @@ class Replay:
         self._result.recorded.append(Decision(received.time, None if stands else position, None, here))
 
 
-def has_decisions(topics: Iterable[str], config: DeployConfig) -> bool:
-    """Whether a recording with these topics tells when its bridge was started."""
-    named = config.topics
-    within = namespace(config.ros.namespace)
+def has_decisions(topics: Iterable[str], named: TopicsConfig, robot_namespace: str) -> bool:
+    """Whether a recording with these topics tells when its bridge, with topics so named, was started."""
+    within = namespace(robot_namespace)
     telling = {
         topic_name(topic, within, named.remap)
         for topic in (named.status, named.command, named.start)

@@ -6,9 +6,9 @@ from typer.testing import CliRunner
 
 from common.extras import MissingPackageError
 from deploy.cli import app
+from deploy.recording.bag_player import BagPlayer, has_decisions
 from deploy.recording.comparison import compare
 from deploy.recording.reader import read_bag
-from deploy.recording.replay import Replay, has_decisions
 from deploy.recording.viewer import Viewer
 from tests.deploy.recording.world import SCAN, config, explore, recorded, status, write
 
@@ -29,7 +29,7 @@ def bag(messages, settings, tmp_path_factory):
 
 
 def replay(settings, messages, self_start=False):
-    result = Replay(settings, self_start).run(messages)
+    result = BagPlayer(settings, self_start).run(messages)
     return result, compare(result.recorded, result.decided, result.begin, settings.mapping.viewpoint_spacing / 2)
 
 
@@ -49,8 +49,8 @@ def test_another_planner_decides_otherwise(messages):
 
 def test_sensors_alone_are_enough_to_see_what_would_be_decided(settings, messages):
     sensors = [one for one in messages if one.topic in {"/scan", "/odom"}]
-    assert not has_decisions({one.topic for one in sensors}, settings)
-    assert has_decisions({one.topic for one in messages}, settings)
+    assert not has_decisions({one.topic for one in sensors}, settings.topics, settings.ros.namespace)
+    assert has_decisions({one.topic for one in messages}, settings.topics, settings.ros.namespace)
     result, comparison = replay(settings, sensors, self_start=True)
     assert comparison.differences == ()
     assert len([one for one in result.decided if one.waypoint is not None]) >= 5
@@ -80,7 +80,7 @@ def test_an_exploration_that_was_left_for_a_target_by_command_is_left_in_the_rep
         recorded("/hd/status", text, 9.0, status("running", task="exploration")),
     ]
     tasks = []
-    player = Replay(settings, False, lambda outcome, now: tasks.append(outcome.orders.task.name))
+    player = BagPlayer(settings, False, lambda outcome, now: tasks.append(outcome.orders.task.name))
     player.run(sorted([*sensors, *orders], key=lambda one: one.time))
     changes = [task for task, before in zip(tasks, [None, *tasks], strict=False) if task != before]
     assert changes == ["exploration", "navigation", "exploration"]

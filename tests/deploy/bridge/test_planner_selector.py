@@ -6,7 +6,7 @@ import pytest
 
 from common.errors import ConfigError
 from deploy.bridge.mission import Phase
-from deploy.bridge.team import make_team
+from deploy.bridge.planner_selector import make_planners
 from tests.common.planners.worlds import ROOMS
 from tests.deploy.bridge.offline import Trial, ended, settings
 
@@ -50,8 +50,8 @@ def test_a_planner_and_a_task_of_ones_own_drive_a_robot(module):
     # It knows nothing of the task, so it is asked for what the task is like.
     assert set(sys.modules[module].Own.asked) == {"exploration"}
     # The task says who relieves.
-    trial.team.relieve(trial.now, "a test")
-    assert trial.team.in_charge(trial.now).name == "greedy"
+    trial.planners.relieve(trial.now, "a test")
+    assert trial.planners.in_charge(trial.now).name == "greedy"
 
 
 def test_planners_that_cannot_be_had_are_named_before_the_robot_moves(module):
@@ -62,8 +62,8 @@ def test_planners_that_cannot_be_had_are_named_before_the_robot_moves(module):
     with pytest.raises(ConfigError, match=r"decision\.task: there is no task 'explore'"):
         settings(decision={"task": "explore"})
     with pytest.raises(ConfigError, match=r"is no planner, it has no name, tasks, reset, plan"):
-        make_team(settings(decision={"planner": f"{module}:Broken"}))
+        make_planners(settings(decision={"planner": f"{module}:Broken"}))
     with pytest.raises(ConfigError, match="'greedy' does exploration, not navigation"):
-        make_team(settings(decision={"planner": "greedy", "task": "navigation"}))
+        make_planners(settings(decision={"planner": "greedy", "task": "navigation"}))
     with pytest.raises(ConfigError, match="'own' does exploration, not navigation"):
-        make_team(settings(decision={"planner": f"{module}:Own", "task": "navigation"}))
+        make_planners(settings(decision={"planner": f"{module}:Own", "task": "navigation"}))

@@ -8,15 +8,15 @@ from typing import Final
 from common.mapping.mapper import Mapper
 from common.planners.base import Position
 
-# New area that counts as news, square metres: less is what scans graze in passing, and noisy ranges make single cells
+# New area that counts as a gain, square metres: less is what scans graze in passing, and noisy ranges make single cells
 # known at almost every step.
-NEWS_AREA: Final = 0.5
+GAIN_AREA: Final = 0.5
 # Positions of one viewpoint may differ so much between updates, metres.
 _SAME: Final = 1e-3
 
 
-class PlacesSinceNews:
-    """The viewpoints at which a planner has decided since the belief last grew by `NEWS_AREA`."""
+class PlacesSinceGain:
+    """The viewpoints at which a planner has decided since the belief last grew by `GAIN_AREA`."""
 
     def __init__(self, reach: float = 0.0) -> None:
         """Know of none; places nearer to each other than `reach`, metres, count as one."""
@@ -31,11 +31,11 @@ class PlacesSinceNews:
         """Note a viewpoint at which the planner decides."""
         self._places.add(position)
 
-    def forget_on_news(self, mapper: Mapper) -> bool:
-        """Forget all viewpoints when the belief has grown enough since the last news; return whether it has."""
+    def forget_on_gain(self, mapper: Mapper) -> bool:
+        """Forget all viewpoints when the belief has grown enough since the last gain; return whether it has."""
         area = mapper.belief.known_cells * mapper.belief.resolution**2
-        news = area >= self._area + NEWS_AREA
-        if news:
+        gained = area >= self._area + GAIN_AREA
+        if gained:
             self._area = area
             self._places.clear()
-        return news
+        return gained

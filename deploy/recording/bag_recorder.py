@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from fnmatch import fnmatchcase
 
 from common.closing import Closing
-from deploy.config import DeployConfig
+from deploy.network_config import RosConfig
 from deploy.recording.errors import RecordingError
 from deploy.recording.writer import BagWriter
 from deploy.ros2 import Node, QoS, Received
@@ -39,18 +39,18 @@ Listener = Callable[[str, str, bytes, int], None]
 """Gets topic, type, payload and arrival (nanoseconds) of every message, in the recorder's thread."""
 
 
-class Recorder(Closing):
+class BagRecorder(Closing):
     """Subscribes to every topic that somebody publishes, also to those that appear later, and writes all to a bag.
 
     Usage::
 
-        with BagWriter(path, config=config) as bag, Recorder(config, bag) as recorder:
+        with BagWriter(path, config=config) as bag, BagRecorder(config.ros, bag) as recorder:
             recorder.run(stop)
     """
 
     def __init__(
         self,
-        config: DeployConfig,
+        ros: RosConfig,
         bag: BagWriter,
         topics: Sequence[str] = (),
         exclude: Sequence[str] = (),
@@ -59,7 +59,7 @@ class Recorder(Closing):
         """Join the network.
 
         Args:
-            config: of the robot.
+            ros: the robot's network.
             bag: to write to.
             topics: patterns such as `/hd/*` of the topics to record; all when empty.
             exclude: patterns of topics to leave out.
@@ -72,11 +72,11 @@ class Recorder(Closing):
         self._patterns = tuple(topics)
         self._excluded = tuple(exclude)
         self._listener = listener
-        self._distro = config.ros.distro
-        self._domain = config.ros.domain
+        self._distro = ros.distro
+        self._domain = ros.domain
         self._known: set[tuple[str, str]] = set()
         self._broken: OSError | None = None
-        self._node = Node(guest_of(config.ros), "hd_recorder")
+        self._node = Node(guest_of(ros), "hd_recorder")
 
     def run(self, stop: threading.Event, duration: float = float("inf")) -> None:
         """Record until `stop` is set or so many seconds have passed.
