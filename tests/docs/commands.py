@@ -19,6 +19,7 @@ from common.config.tree import ConfigTree
 from common.errors import HDError
 from common.planners.registry import planner_names
 from deploy.profiles import DEPLOY
+from deploy.ros_arguments import BEGIN
 from tests.docs.pages import ROOT
 from tests.docs.sources import FOLDERS, PROJECT, modules
 
@@ -44,7 +45,10 @@ class BadCommandError(Exception):
 def program(name: str) -> Any:
     """Return the command of a script or of a module, as Typer makes it."""
     module, _, attribute = (SCRIPTS.get(name) or _PROGRAMS[name]).partition(":")
-    return typer.main.get_command(getattr(importlib.import_module(module), attribute))
+    loaded = importlib.import_module(module)
+    entry = getattr(loaded, attribute)
+    # A script that prepares its arguments is a function beside its app.
+    return typer.main.get_command(entry if isinstance(entry, typer.Typer) else loaded.app)
 
 
 def all_options() -> set[str]:
@@ -152,6 +156,9 @@ def check_setting(tree: ConfigTree, text: str) -> None:
 
 def _check_program(name: str, arguments: list[str]) -> None:
     command = program(name)
+    if name == "hd-deploy" and BEGIN in arguments:
+        # What follows is ROS 2's; `deploy.ros_arguments` has tests of its own.
+        arguments = arguments[: arguments.index(BEGIN)]
     while hasattr(command, "commands") and arguments and not arguments[0].startswith("-"):
         if _PLACEHOLDER.search(arguments[0]):
             return
