@@ -17,7 +17,7 @@ from common.bus.liveness import present
 from common.bus.session import open_client_session
 from common.bus.spec import list_runs
 from common.cli import CommandApp, Version, command_errors, completing
-from common.config.schema import BusConfig
+from common.config import BusConfig
 from common.errors import ConfigError
 from common.extensions import SIMULATORS
 from common.ids import check_id

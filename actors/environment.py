@@ -15,7 +15,7 @@ from actors.rewards import StepOutcome, step_reward
 from actors.simulators.base import Leg, Simulator
 from actors.tasks import Goal
 from actors.tasks.coverage import Coverage
-from common.config.schema import MappingConfig, RewardConfig
+from common.config import MappingConfig, RewardConfig
 from common.errors import ConfigError, HDError, MapError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper

@@ -8,8 +8,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from common.config import BusConfig, RunConfig
 from common.config.names import config_from_message
-from common.config.schema import BusConfig, RunConfig
 from common.extensions import generator_name
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"

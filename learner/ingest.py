@@ -16,7 +16,7 @@ from typing import Any
 from common.bus.keys import host_of
 from common.bus.seen import MAX_CLOSED, SeenSet
 from common.bus.tls import certified_hosts
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from common.errors import CheckpointError, MessageError, RefusedError
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.messages.schema import decode, describe_delivery, encode

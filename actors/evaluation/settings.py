@@ -13,8 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from actors.evaluation.episode import Decider
 from actors.evaluation.omniscient import NAME as OMNISCIENT
 from actors.evaluation.omniscient import OmniscientReference
+from common.config import MappingConfig, SimulatorConfig, TaskConfig
 from common.config.names import generators_of
-from common.config.schema import MappingConfig, SimulatorConfig, TaskConfig
 from common.errors import CheckpointError, ConfigError
 from common.extensions import SIMULATORS
 from common.planners.base import Planner

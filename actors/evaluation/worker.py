@@ -30,7 +30,7 @@ from actors.process import follow_parent
 from actors.simulators.base import Simulator
 from actors.simulators.factory import make_simulator
 from actors.tasks import make_goal
-from common.config.schema import RewardConfig
+from common.config import RewardConfig
 from common.errors import HDError
 from common.logs import setup_logging
 from common.planners.base import Planner, mapping_for

@@ -9,7 +9,7 @@ from actors.episode import Role, run_episode
 from actors.expert import make_expert
 from actors.simulators.grid import GridSimulator
 from actors.tasks import make_goal
-from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
+from common.config import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
 from common.errors import ConfigError, HDError, MapError
 from common.messages.experience import End
 from tests.actors.worlds import draw

@@ -15,7 +15,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from common.bus.experience import ExperienceSender
 from common.bus.session import open_client_session
-from common.config.schema import BusConfig
+from common.config import BusConfig
 from common.errors import StorageError
 from learner.algorithm.factory import make_learner
 from learner.loop import train

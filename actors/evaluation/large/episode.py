@@ -15,7 +15,7 @@ from actors.evaluation.omniscient import OmniscientReference
 from actors.evaluation.results import PLACES
 from actors.maps.grid_map import GridMap
 from actors.tasks import make_goal
-from common.config.schema import RewardConfig
+from common.config import RewardConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Planner, Position, TaskName, mapping_for

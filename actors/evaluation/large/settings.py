@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 
 from actors.evaluation.settings import EvaluationSettings
-from common.config.schema import SimulatorConfig, TaskConfig
+from common.config import SimulatorConfig, TaskConfig
 from common.errors import ConfigError
 
 WORLD = "generator:building"

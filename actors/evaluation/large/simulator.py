@@ -8,7 +8,7 @@ from actors.evaluation.large.lidar import GridLidar
 from actors.evaluation.large.voxels import VoxelMap
 from actors.maps.grid_map import GridMap
 from actors.simulators.dynamic import DynamicSimulator
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.geometry import Pose, Scan
 
 
