@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from actors.driver import ExpertDriver, RandomDriver
-from actors.environment import Environment, route_length
+from actors.environment import Environment
 from actors.episode import Role, run_episode
 from actors.expert import make_expert
 from actors.simulators.grid import GridSimulator
@@ -35,6 +35,10 @@ BRANCHES = draw(
     "####################",
     lattice=(0.5, 0.5),
 )
+
+
+def route_length(positions):
+    return float(np.hypot(*np.diff(np.array(positions), axis=0).T).sum())
 
 
 def environment(

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from typing import Any, TypedDict
 
-from actors.environment import ON_VIEWPOINT, Environment
+from actors.environment import Environment
 from actors.evaluation.episode import Outcome, Place, Tell, run_episode, tell_nobody
 from actors.evaluation.large.settings import LargeSettings
 from actors.evaluation.large.simulator import NotedSimulator, TrackPoint
@@ -14,6 +14,7 @@ from actors.evaluation.large.tour import leg_world, tour_targets
 from actors.evaluation.omniscient import OmniscientReference
 from actors.evaluation.results import PLACES
 from actors.maps.grid_map import GridMap
+from actors.protocol import ON_VIEWPOINT
 from actors.tasks import make_goal
 from common.config import RewardConfig
 from common.geometry import Pose
