@@ -11,7 +11,7 @@ pytest.importorskip("pybullet")
 
 from actors.evaluation.cli import app
 from actors.evaluation.large.results import read_large_results
-from actors.evaluation.large.settings import LIDAR, TRACKING_ROOM
+from actors.evaluation.large.robot import LIDAR, TRACKING_ROOM
 from actors.maps.grid_map import GridMap
 from actors.simulators.dynamic import DynamicSimulator
 from common.config import SimulatorConfig
