@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 from pydantic import ValidationError
 
-from actors.options import DEFAULT_ENDPOINT, ActorOptions, host_name
+from actors.options import DEFAULT_ENDPOINT, ActorOptions, Fidelity, host_name
 from actors.supervisor import Supervisor
 from common.bus.liveness import present
 from common.bus.session import open_client_session
@@ -43,13 +43,6 @@ Examples:
 
   hd-actor --gui --fidelity dynamic                   watch one robot drive
 """
-
-
-class Fidelity(StrEnum):
-    """Fidelities of PyBullet to choose from."""
-
-    KINEMATIC = "kinematic"
-    DYNAMIC = "dynamic"
 
 
 class LogLevel(StrEnum):

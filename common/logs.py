@@ -7,14 +7,11 @@ import os
 import sys
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
-from typing import Literal
 
 from rich.console import Console
 from rich.logging import RichHandler
 
 from common.printable import printable
-
-Level = Literal["debug", "info", "warning", "error"]
 
 PLAIN_FORMAT = "%(asctime)s %(levelname)-7s %(name)s: %(message)s"
 MAX_BYTES = 10_000_000

@@ -39,7 +39,6 @@ AUTO: Final = "auto"
 MAX_STEPS: Final = "task.max_steps"
 SCALE: Final = "maps.metres_per_pixel"
 _LARGEST_FILE = 1_048_576
-_SECTIONS = ("maps", "mapping", "task", "simulator")
 _ALLOWED = (
     SCALE,
     "mapping.*",

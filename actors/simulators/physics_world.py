@@ -55,11 +55,6 @@ class PhysicsWorld:
         if gui:
             pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self.client)
 
-    @property
-    def is_open(self) -> bool:
-        """Whether the physics server still runs."""
-        return self._open
-
     def load(self, world: GridMap) -> None:
         """Replace whatever is there by the walls and floor of a map.
 

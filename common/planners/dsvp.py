@@ -119,18 +119,11 @@ class DsvpPlanner(SamplingPlanner):
         self._local = Roadmap(self.reach)
         self._global = Roadmap(self.reach)
         self._direction: NDArray[np.float64] | None = None
-        self._relocating = False
-
-    @property
-    def relocating(self) -> bool:
-        """Whether the last decision was one of the relocation stage."""
-        return self._relocating
 
     def decide(self, mapper: Mapper, pose: Pose, low: Corner, high: Corner) -> Plan:
         """Explore inside the horizon; relocate when nothing is left there."""
         self._grow(mapper, pose, low, high)
         plan = self._explore(mapper)
-        self._relocating = plan is None
         return plan if plan is not None else self._relocate(mapper, pose, low, high)
 
     def _grow(self, mapper: Mapper, pose: Pose, low: Corner, high: Corner) -> None:

@@ -12,9 +12,8 @@ from common.mapping.raycast import SUBCELL_BITS
 from common.mapping.sight import CLEAR, OCCUPIED, Box, blocker, may_touch
 from common.planners.contours import convex_corners, thicken
 
-# Polygons are as wide as this around occupied cells, cells: it closes the gaps between single returns of the lidar, and
-# what the simplification cuts off is less, so that the edges of polygons are clear of occupied cells.
-WIDTH: Final = 1
+# What the simplification of a polygon cuts off at most, cells. Polygons are thickened by one cell, which closes the
+# gaps between single returns of the lidar; less is cut off than that, so their edges are clear of occupied cells.
 TOLERANCE: Final = 0.95
 
 
