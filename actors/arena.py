@@ -14,7 +14,7 @@ from actors.maps.grid_map import GridMap
 from actors.maps.sources import fixed_numbers, open_sources
 from actors.simulators.base import Simulator
 from actors.tasks import make_goal
-from common.config.schema import FamilyConfig, MappingConfig, RunConfig, TaskConfig
+from common.config import FamilyConfig, MappingConfig, RunConfig, TaskConfig
 from common.messages.experience import FAILURE
 from common.planners.reference import ReferenceRoute
 from common.planners.registry import make_planner

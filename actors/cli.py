@@ -11,13 +11,13 @@ from typing import Annotated
 import typer
 from pydantic import ValidationError
 
-from actors.options import DEFAULT_ENDPOINT, ActorOptions, host_name
+from actors.options import DEFAULT_ENDPOINT, ActorOptions, Fidelity, host_name
 from actors.supervisor import Supervisor
 from common.bus.liveness import present
 from common.bus.session import open_client_session
 from common.bus.spec import list_runs
 from common.cli import CommandApp, Version, command_errors, completing
-from common.config.schema import BusConfig
+from common.config import BusConfig
 from common.errors import ConfigError
 from common.extensions import SIMULATORS
 from common.ids import check_id
@@ -43,13 +43,6 @@ Examples:
 
   hd-actor --gui --fidelity dynamic                   watch one robot drive
 """
-
-
-class Fidelity(StrEnum):
-    """Fidelities of PyBullet to choose from."""
-
-    KINEMATIC = "kinematic"
-    DYNAMIC = "dynamic"
 
 
 class LogLevel(StrEnum):

@@ -16,7 +16,7 @@ from actors.episode import Role, run_episode
 from actors.maps.sources import recommended
 from actors.simulators.factory import make_simulator, simulator_label
 from actors.transition_recorder import TransitionRecorder
-from common.config.schema import MappingConfig, RunConfig
+from common.config import MappingConfig, RunConfig
 from common.errors import MapError
 from common.messages.experience import Chunk, EpisodeReport
 from common.policy import Policy

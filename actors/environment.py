@@ -4,72 +4,25 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
-
-import numpy as np
 
 from actors.expert import Expert, ExpertLabel
 from actors.maps.grid_map import GridMap
+from actors.protocol import ON_VIEWPOINT, check_way
 from actors.rewards import StepOutcome, step_reward
 from actors.simulators.base import Leg, Simulator
+from actors.step import Step, StepInfo
 from actors.tasks import Goal
 from actors.tasks.coverage import Coverage
-from common.config.schema import MappingConfig, RewardConfig
+from common.config import MappingConfig, RewardConfig
 from common.errors import ConfigError, HDError, MapError
-from common.geometry import Pose
 from common.mapping.mapper import Mapper
-from common.mapping.viewpoints import LONGEST_EDGE
 from common.messages.experience import End
 from common.observation import Observation
 from common.planners.base import Position
 from common.planners.reference import ReferenceRoute
-from common.planners.viewpoint_planner import TOLERANCE
 
-# Nearer to its viewpoint than this, metres, the robot counts as standing on it.
-ON_VIEWPOINT = 0.3
 # Decisions in a row that brought the robot nowhere before the episode is given up.
 MAX_BLOCKED = 4
-
-
-@dataclass(frozen=True, slots=True)
-class StepInfo:
-    """What else is to be told about a step.
-
-    Attributes:
-        reason: why the episode ended, one of `complete`, `step limit`, `nothing useful left`, `target unreachable`,
-            `stuck`, `blocked`; empty while it goes on.
-        complete: the task is complete.
-        explored: share of the reachable free area that was seen, 0 to 1.
-        blocked: the robot did not reach the waypoint.
-        collisions: contacts with the world that began on this step.
-    """
-
-    reason: str
-    complete: bool
-    explored: float
-    blocked: bool
-    collisions: int
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Step:
-    """The result of one decision.
-
-    Attributes:
-        observation: what the robot knows now. After a terminal end it may offer no choices; when the robot is stuck
-            it repeats the last one.
-        reward: reward of the decision.
-        end: whether and how the episode ended.
-        distance: travelled metres of this step.
-        info: what else is to be told.
-    """
-
-    observation: Observation
-    reward: float
-    end: End
-    distance: float
-    info: StepInfo
 
 
 class Environment:
@@ -215,7 +168,8 @@ class Environment:
             HDError: the episode has ended, or the way breaks these rules of the nominal protocol.
         """
         way = [*via, position]
-        self._check_way(way)
+        self._check_going()
+        check_way(self.mapper, self.pose, way, self.mapping.viewpoint_spacing)
         return self._advance(way)
 
     def _advance(self, way: list[Position]) -> Step:
@@ -305,36 +259,6 @@ class Environment:
         if self.end is not End.NONE:
             raise HDError(f"the episode has ended ({self.reason or 'never begun'}): call reset(world, seed) first")
 
-    def _check_way(self, way: list[Position]) -> None:
-        self._check_going()
-        for position in way:
-            if not np.isfinite(position).all():
-                raise HDError(f"a waypoint must be two finite coordinates in metres, got {position}")
-        # A robot beside its viewpoint, as robots with wheels are, may also go by the edges of that viewpoint.
-        places = [self.pose]
-        if not self.mapper.stuck:
-            node = Pose(*self.mapper.position(self.mapper.robot))
-            places += [node] if 0.0 < self.pose.distance_to(node.position) <= ON_VIEWPOINT else []
-        self._check_leg(places, way[0])
-        for a, b in pairwise(way):
-            self._check_leg([Pose(*a)], b)
-
-    def _check_leg(self, places: list[Pose], position: Position) -> None:
-        """Check the leg to a position from one of several places, where the robot is or counts as being."""
-        here = places[0].position
-        longest = LONGEST_EDGE * self.mapping.viewpoint_spacing
-        near = [place for place in places if place.distance_to(position) <= longest + TOLERANCE]
-        if not near:
-            raise HDError(
-                f"a waypoint may be {longest:.2f} m away (one edge), got {places[0].distance_to(position):.2f} m from "
-                f"{_shown(here)} to {_shown(position)}: cut the path there"
-            )
-        if not any(self.mapper.segment_free(place.position, position) for place in near):
-            raise HDError(
-                f"the way from {_shown(here)} to {_shown(position)} is not known to be free: choose a waypoint that is "
-                "in line of sight through known free space"
-            )
-
     def _check_choice(self, beacon: int, waypoint: int) -> None:
         self._check_going()
         if beacon not in self._beacons:
@@ -392,7 +316,3 @@ class Environment:
         self.mapping_seconds += time.process_time() - began
         belief = self.mapper.belief
         self.coverage.update(belief.cells, belief.resolution, belief.origin)
-
-
-def _shown(position: tuple[float, float]) -> str:
-    return f"({position[0]:.2f}, {position[1]:.2f})"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from common.config.schema import RewardConfig
+from common.config import RewardConfig
 from common.errors import ConfigError
 
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from actors.driver import Choice
-from actors.environment import Step
 from actors.expert import ExpertLabel
+from actors.step import Step
 from common.messages.experience import Chunk, End, ExpertLabels
 from common.observation import Observation, ObservationBatch
 

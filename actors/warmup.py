@@ -22,7 +22,7 @@ from actors.process import follow_parent
 from actors.simulators.factory import make_simulator
 from actors.tasks import make_goal
 from actors.transition_recorder import TransitionRecorder
-from common.config.schema import MappingConfig, NetworkConfig, RewardConfig, SimulatorConfig, TaskConfig
+from common.config import MappingConfig, NetworkConfig, RewardConfig, SimulatorConfig, TaskConfig
 from common.jit import forget_old_caches
 from common.mapping.warmup import warm_up as warm_up_mapping
 from common.messages.experience import Chunk, Delivery

@@ -20,7 +20,7 @@ from benchmarks.ingest import RUN, STEPS, chunk, deliver, free_port, latency
 from common.bus.experience import ExperienceServer
 from common.bus.keys import Keys
 from common.bus.session import new_incarnation, open_client_session, open_learner_session
-from common.config.schema import BusConfig, RunConfig
+from common.config import BusConfig, RunConfig
 from common.messages.experience import Delivery
 from common.messages.schema import encode
 from learner.ingest import Ingest

@@ -23,7 +23,7 @@ import numpy as np
 from actors.collector import Collector
 from actors.driver import Choice, Driver
 from actors.environment import Environment
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.messages.schema import encode
 from common.observation import Observation

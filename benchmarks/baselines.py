@@ -17,7 +17,7 @@ from actors.expert import make_expert
 from actors.maps.sources import fixed_set, open_sources
 from actors.simulators.factory import make_simulator
 from actors.tasks import make_goal
-from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
+from common.config import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
 
 
 def run(

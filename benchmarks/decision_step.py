@@ -16,7 +16,7 @@ import numpy as np
 
 from actors.maps.grid_map import GridMap
 from actors.maps.sources import open_sources
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.geometry import Pose, Scan
 from common.mapping.mapper import Mapper
 from common.mapping.raycast import cast_rays, ray_angles

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from actors.collector import Collector
-from common.config.schema import NetworkConfig, RunConfig
+from common.config import NetworkConfig, RunConfig
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from learner.algorithm.batch import TransitionBatch
 from learner.replay.buffer import ReplayBuffer

@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.network.graph_arrays import GraphArrays
 from common.network.graph_batch import GraphBatch
 from common.network.onnx_network import OnnxNetwork

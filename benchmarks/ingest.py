@@ -13,7 +13,7 @@ import numpy as np
 from common.bus.experience import ExperienceSender, ExperienceServer
 from common.bus.session import new_incarnation, open_client_session, open_learner_session
 from common.bus.weights import WeightsPublisher, WeightsPuller
-from common.config.schema import BusConfig
+from common.config import BusConfig
 from common.messages.experience import Chunk, Delivery, End, ExpertLabels
 from common.messages.schema import decode, encode
 from common.messages.validation import check_observations

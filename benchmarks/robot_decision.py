@@ -17,7 +17,7 @@ import numpy as np
 
 from actors.maps.sources import open_sources
 from actors.simulators.grid import GridSimulator
-from common.config.schema import MappingConfig, NetworkConfig, SimulatorConfig
+from common.config import MappingConfig, NetworkConfig, SimulatorConfig
 from common.errors import SimulatorError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper

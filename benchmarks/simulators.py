@@ -19,7 +19,7 @@ from actors.simulators.dynamic import DynamicSimulator
 from actors.simulators.factory import make_simulator
 from actors.simulators.grid import GridSimulator
 from actors.simulators.kinematic import KinematicSimulator
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.errors import MapError
 from common.geometry import Pose
 from common.mapping.raycast import cast_rays

@@ -18,7 +18,7 @@ import torch
 
 from benchmarks.experience import real_transitions
 from benchmarks.inference import SIZES, fastest
-from common.config.schema import NetworkConfig, RunConfig
+from common.config import NetworkConfig, RunConfig
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyNetwork
 from common.observation import ObservationBatch

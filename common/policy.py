@@ -8,7 +8,7 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.network.graph_arrays import GraphArrays
 from common.network.inference import InferenceNetwork
 from common.network.parameters import Arrays, check_parameters, initial_parameters, parameter_shapes

@@ -20,7 +20,7 @@ from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
 from common import onnx_file
-from common.config.schema import MappingConfig, NetworkConfig
+from common.config import MappingConfig, NetworkConfig
 from common.documents import parse_json, read_text
 from common.errors import CheckpointError
 from common.extensions import GENERATOR_PREFIX

@@ -8,7 +8,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from common.config.schema import Fraction, MappingConfig, Positive, Section
+from common.config import Fraction, MappingConfig, Positive, Section
 from common.ids import ID_PATTERN
 from deploy.network_config import FramesConfig, RosConfig, TopicsConfig
 from deploy.outline import circumscribed_radius, inscribed_radius

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
-from common.config.schema import Section
+from common.config import Section
 
 
 class RosConfig(Section):

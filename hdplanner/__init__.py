@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from actors.tasks import ExplorationGoal as ExplorationGoal
     from actors.tasks import Goal as Goal
     from actors.tasks import NavigationGoal as NavigationGoal
+    from common.config import MappingConfig as MappingConfig
+    from common.config import RunConfig as RunConfig
+    from common.config import SimulatorConfig as SimulatorConfig
+    from common.config import TaskConfig as TaskConfig
     from common.config.load import load_config as load_config
-    from common.config.schema import MappingConfig as MappingConfig
-    from common.config.schema import RunConfig as RunConfig
-    from common.config.schema import SimulatorConfig as SimulatorConfig
-    from common.config.schema import TaskConfig as TaskConfig
     from common.geometry import Pose as Pose
     from common.geometry import Scan as Scan
     from common.mapping.mapper import Mapper as Mapper
@@ -56,20 +56,20 @@ _HOMES: Final = {
     "GridSimulator": "actors.simulators.grid",
     "Leg": "actors.simulators.base",
     "Mapper": "common.mapping.mapper",
-    "MappingConfig": "common.config.schema",
+    "MappingConfig": "common.config",
     "NavigationGoal": "actors.tasks",
     "Observation": "common.observation",
     "Plan": "common.planners.base",
     "Planner": "common.planners.base",
     "Policy": "common.policy",
     "Pose": "common.geometry",
-    "RunConfig": "common.config.schema",
+    "RunConfig": "common.config",
     "Scan": "common.geometry",
     "Simulator": "actors.simulators.base",
-    "SimulatorConfig": "common.config.schema",
+    "SimulatorConfig": "common.config",
     "Status": "common.planners.base",
     "Task": "common.tasks",
-    "TaskConfig": "common.config.schema",
+    "TaskConfig": "common.config",
     "ViewpointPlanner": "common.planners.viewpoint_planner",
     "evaluate": "hdplanner.evaluation",
     "load_config": "common.config.load",

@@ -9,7 +9,7 @@ from actors.evaluation.episode import tell_nobody
 from actors.evaluation.options import resolve
 from actors.evaluation.results import EpisodeResult
 from actors.evaluation.worker import Worker
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.planners.base import Planner
 
 

@@ -38,11 +38,11 @@ from numpy.typing import NDArray
 
 from actors.arena import Arena, Stage
 from actors.collector import MAX_BAD_MAPS
-from actors.environment import Step
 from actors.evaluation.plots import belief_picture
 from actors.simulators.factory import make_simulator
+from actors.step import Step
+from common.config import RunConfig
 from common.config.load import load_config
-from common.config.schema import RunConfig
 from common.errors import ConfigError, HDError, MapError
 from common.messages.experience import End
 from common.observation import Observation

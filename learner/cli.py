@@ -14,9 +14,9 @@ from typing import Annotated, Literal
 import typer
 
 from common.cli import CommandApp, add_version, command_errors, completing, message_console
+from common.config import RunConfig
 from common.config.describe import to_markdown, to_toml
 from common.config.load import load_config, preset_names
-from common.config.schema import RunConfig
 from common.errors import CheckpointError, ConfigError, StorageError
 from common.extensions import SIMULATORS
 from common.logs import log_file, setup_logging

@@ -5,18 +5,15 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 from queue import Empty, SimpleQueue
 from typing import Any
 
 from common.bus.keys import host_of
 from common.bus.seen import MAX_CLOSED, SeenSet
 from common.bus.tls import certified_hosts
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from common.errors import CheckpointError, MessageError, RefusedError
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.messages.schema import decode, describe_delivery, encode
@@ -26,31 +23,15 @@ from learner.replay.buffer import ReplayBuffer
 from learner.run.episodes import EpisodeLog, group_of
 from learner.run.journal import Journal
 from learner.run.records import RecordKind
+from learner.run.repair import missing_deliveries
+from learner.watch.actors import ActorRecords
 from learner.watch.evaluation import EvaluationRounds, Evaluators, Round
 from learner.watch.metrics import Means, RateMeter
 
 logger = logging.getLogger(__name__)
 
-_MAX_ACTORS = 10_000
 # Messages of a journal that are named in the log; of the others there is the number.
 _MAX_NAMED = 100
-
-
-@dataclass(slots=True)
-class ActorRecord:
-    """What the learner has received from one actor since this process started.
-
-    Attributes:
-        steps: stored decisions.
-        episodes: finished episodes.
-        version: policy version behind its newest step or episode.
-        arrived: monotonic seconds of its newest delivery.
-    """
-
-    steps: int = 0
-    episodes: int = 0
-    version: int = -1
-    arrived: float = 0.0
 
 
 class Ingest:
@@ -84,8 +65,7 @@ class Ingest:
         self.episodes = episodes
         self.means = Means()
         self.steps_rate = RateMeter()
-        self.actors: OrderedDict[str, ActorRecord] = OrderedDict()
-        """The actors heard last, at most 10,000."""
+        self.actors = ActorRecords()
         self.version = 0
         """Newest published policy version."""
         self.episode_count = 0
@@ -131,7 +111,7 @@ class Ingest:
                 segment = self._journal.segment
                 self._journal.append(RecordKind.DELIVERY, encode(delivery) if payload is None else payload)
                 self._take(delivery, segment)
-                self._note_actor(delivery)
+                self._note_arrival(delivery)
         with self._arrival:
             self._arrival.notify_all()
         return self.limiter.hold()
@@ -337,28 +317,9 @@ class Ingest:
             if done is not None:
                 self._finished_rounds.put(done)
 
-    def _note_actor(self, delivery: Delivery) -> None:
-        record = self.actors.setdefault(delivery.actor, ActorRecord())
-        self.actors.move_to_end(delivery.actor)
-        if len(self.actors) > _MAX_ACTORS:
-            self.actors.popitem(last=False)
-        record.arrived = time.monotonic()
+    def _note_arrival(self, delivery: Delivery) -> None:
+        self.actors.note(delivery)
         body = delivery.body
         if isinstance(body, Chunk):
-            record.steps += body.steps
-            record.version = int(body.versions[-1])
             self.steps_rate.add(body.steps)
             self.means.add({"policy/lag_versions": float(self.version - body.versions.mean())})
-        else:
-            record.episodes += 1
-            record.version = body.version
-
-
-def missing_deliveries(seen: SeenSet) -> str:
-    """Name the deliveries between others of the same actor that were never stored; empty when there are none."""
-    gaps = []
-    for (actor, incarnation), ranges in sorted(seen.streams().items()):
-        missing = [f"{end} to {first - 1}" for (_, end), (first, _) in pairwise(ranges)]
-        if missing:
-            gaps.append(f"{actor} (incarnation {incarnation}) {', '.join(missing)}")
-    return "; ".join(gaps)

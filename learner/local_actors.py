@@ -10,7 +10,7 @@ import threading
 from collections.abc import Sequence
 
 from common.closing import Closing
-from common.config.schema import BusConfig
+from common.config import BusConfig
 from common.errors import ConfigError
 from common.runtime import process_environment, python_module
 from common.threads import guarded

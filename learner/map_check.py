@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import subprocess
 
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from common.errors import ConfigError
 from common.extensions import GENERATOR_PREFIX
 from common.runtime import python_module

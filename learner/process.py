@@ -17,8 +17,8 @@ from common.bus.spec import SpecServer, specs_of
 from common.bus.stats import StatsTable, publish_stats
 from common.bus.weights import WeightsPublisher
 from common.closing import Closing
+from common.config import RunConfig
 from common.config.names import module_names
-from common.config.schema import RunConfig
 from common.errors import BusError
 from common.messages.replies import Spec
 from common.messages.weights import Weights

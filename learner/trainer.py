@@ -5,26 +5,25 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-import torch
 
-from common.errors import CheckpointError, StorageError
+from common.errors import StorageError
 from common.network.parameters import with_features
-from common.policy_file import PolicyCard, portable_sources, read_weights
+from common.policy_file import read_weights
 from learner.algorithm.base import Algorithm, NotFiniteError, PublishedVersion
 from learner.algorithm.batch import TransitionBatch
+from learner.checkpointing import Checkpointer
 from learner.ingest import Ingest
+from learner.publishing import Publisher
 from learner.rate_limiter import RateLimiter
 from learner.replay.buffer import ReplayBuffer
 from learner.replay.draw import draw_batch
 from learner.run.best import BestPolicy
+from learner.run.cards import PolicyCards
 from learner.run.checkpoints import CheckpointStore
-from learner.run.code_state import code_state, commit_of
 from learner.run.disk import DiskWatch
 from learner.run.episodes import EpisodeLog
 from learner.run.folder import RunFolder, has_begun
@@ -37,11 +36,8 @@ from learner.watch.writers import make_writers
 
 logger = logging.getLogger(__name__)
 
-EXPORT_PREFIX = "export."
-"""Tensors of a checkpoint under this prefix are the policy for robots and evaluation; resuming needs them not."""
 _WAIT_SECONDS = 0.2
 _EVALUATOR_SECONDS = 60.0
-_REMEMBERED_VERSIONS = 4096
 
 
 class Trainer:
@@ -67,7 +63,6 @@ class Trainer:
         self.run = run
         self.config = config
         self.algorithm = algorithm
-        self._publish = publish
         self._evaluators = tuple(evaluators)
         self.replay = ReplayBuffer(config.replay.capacity, config.replay.max_bytes)
         self.limiter = RateLimiter(
@@ -78,19 +73,12 @@ class Trainer:
         self._journal = Journal(run.journal, disk=self.disk)
         self.commit = GroupCommit(self._journal, config.journal.sync_seconds)
         self._rng = np.random.default_rng([config.seed, 2])
-        self.best = BestPolicy(self.checkpoints, self.card)
-        self._published_at: OrderedDict[int, float] = OrderedDict()
-        self._commit = commit_of(code_state())
-        self._began = time.monotonic()
-        self._earlier_seconds = 0.0
-        self._checkpoint_at = 0.0
-        self._checkpointed = (-1, -1)
-        self._checkpoint_wanted = threading.Event()
-        self._checkpoint_done = threading.Condition()
-        self._checkpoints_made = 0
+        self._cards = PolicyCards(config, self.limiter)
+        self.best = BestPolicy(self.checkpoints, self._cards.describe)
+        self._publisher = Publisher(algorithm, self.best, publish, averaged=bool(config.learner.average_decay))
+        self._checkpointer = Checkpointer(config, self.checkpoints, algorithm, self._rng, self._cards.describe)
         self._stop = threading.Event()
         self._warned_unlabelled = False
-        self._unpublished = False
         self._rounds: list[Round] = []
         self._evaluated = -1
         self.waiting = False
@@ -131,25 +119,9 @@ class Trainer:
             self.begin()
             return
         checkpoint = self.checkpoints.load_newest()
-        try:
-            document = checkpoint.document
-            updates = int(document["updates"])
-            self._earlier_seconds = float(document["policy"].get("wall_seconds", 0.0))
-            snapshot = document["ingest"]
-            tensors = {k: v for k, v in checkpoint.tensors.items() if not k.startswith(EXPORT_PREFIX)}
-            self.algorithm.restore(tensors, document["algorithm"])
-            self._rng.bit_generator.state = document["rng"]
-            self._open_records(int(snapshot["episodes_length"]), updates)
-            self.recorder.restore(document["figures"])
-            self.ingest.rebuild(snapshot, updates)
-        except (KeyError, TypeError, ValueError, RuntimeError) as error:
-            raise CheckpointError(
-                f"checkpoint {checkpoint.name} of {self.run.path} does not fit this software or configuration: "
-                f"{type(error).__name__}: {error}"
-            ) from error
-        self.checkpoints.set_aside_after(checkpoint.name)
+        self._cards.earlier_seconds = self._checkpointer.restore(checkpoint, self._open_records)
+        updates = self.limiter.updates
         self.run.note_code(updates)
-        self._schedule_checkpoint()
         logger.info(
             "resumed run %s from checkpoint %s: %d updates, %d steps, %d episodes",
             self.config.name,
@@ -167,11 +139,12 @@ class Trainer:
         self.commit.close()
         self._journal.close()
 
-    def _open_records(self, episodes_length: int, updates: int) -> None:
+    def _open_records(self, episodes_length: int, updates: int) -> tuple[Ingest, CurveRecorder]:
         episodes = EpisodeLog(self.run.episodes, episodes_length, self.disk)
         self.ingest = Ingest(self.config, self.replay, self.limiter, self._journal, episodes, self._evaluators)
         writers = make_writers(self.run.path, self.config)
         self.recorder = CurveRecorder(self.run.tensorboard, self.ingest, updates, self.disk, writers)
+        return self.ingest, self.recorder
 
     # --- the stages of the loop --------------------------------------------------------------------------------
 
@@ -222,22 +195,7 @@ class Trainer:
 
     def publish(self) -> None:
         """Send the newest policy to the actors under a new version number; later, when the disk refuses to note it."""
-        version = self.ingest.version + 1
-        try:
-            self.ingest.note_version(version)
-        except StorageError:
-            self._unpublished = True
-            return
-        self._unpublished = False
-        updates = self.limiter.updates
-        averaged = self.algorithm.policy_weights(averaged=True) if self.config.learner.average_decay else None
-        published = PublishedVersion(version, updates, self.algorithm.policy_weights(averaged=False), averaged)
-        acting = published.weights if averaged is None else averaged
-        self.best.remember(version, updates, acting, self.ingest.versions_under_evaluation)
-        self._published_at[version] = time.monotonic()
-        while len(self._published_at) > _REMEMBERED_VERSIONS:
-            self._published_at.popitem(last=False)
-        self._publish(published)
+        self._publisher.publish(self.ingest, self.limiter.updates)
 
     def publish_if_due(self) -> None:
         """Publish every `learner.publish_every` updates, and the last."""
@@ -263,9 +221,9 @@ class Trainer:
                 finished = self._rounds.pop(0)
                 self._evaluated = max(self._evaluated, finished.version)
                 self.recorder.write_evaluation(finished)
-            if self._unpublished:
+            if self._publisher.overdue:
                 self.publish()
-            if self._checkpoint_wanted.is_set() or (time.monotonic() >= self._checkpoint_at and self._has_news()):
+            if self._checkpointer.schedule.is_due(self.limiter.updates, self.limiter.steps):
                 self.checkpoint()
         except StorageError as error:
             self.disk.refused(error)
@@ -287,43 +245,11 @@ class Trainer:
         Raises:
             StorageError: when the disk refuses it; the one before stays, and the journal with it.
         """
-        began = time.monotonic()
-        snapshot = self.ingest.snapshot()
-        self.ingest.sync()
-        updates = self.limiter.updates
-        tensors, document = self.algorithm.state()
-        for_export = self.algorithm.policy_weights(averaged=bool(self.config.learner.average_decay))
-        card = asdict(self.card(snapshot["version"], updates))
-        folder = self.checkpoints.save(
-            updates,
-            {
-                **tensors,
-                **{EXPORT_PREFIX + name: torch.from_numpy(np.array(array)) for name, array in for_export.items()},
-            },
-            {
-                "updates": updates,
-                "algorithm": document,
-                "rng": self._rng.bit_generator.state,
-                "figures": self.recorder.state(),
-                "ingest": snapshot,
-                "policy": {name: value for name, value in card.items() if name not in ("network", "mapping")},
-            },
-        )
-        self._checkpointed = (updates, snapshot["steps"])
-        self._checkpoint_wanted.clear()
-        self.ingest.forget_before(self._oldest_place())
-        self.recorder.flush()
+        name = self._checkpointer.save(self.ingest, self.recorder)
         summary = self.summary()
         write_summary(self.run.path, summary)
         self.recorder.write_summary(summary.flat())
-        self._schedule_checkpoint()
-        seconds = time.monotonic() - began
-        self.recorder.note("time/checkpoint_ms", 1e3 * seconds)
-        logger.info("checkpoint %s written in %.1f s", folder.name, seconds)
-        with self._checkpoint_done:
-            self._checkpoints_made += 1
-            self._checkpoint_done.notify_all()
-        return folder.name
+        return name
 
     # --- commands from other threads ---------------------------------------------------------------------------
 
@@ -348,10 +274,7 @@ class Trainer:
 
     def request_checkpoint(self, timeout: float) -> bool:
         """Let the loop make a checkpoint now; return whether it was done in time."""
-        with self._checkpoint_done:
-            before = self._checkpoints_made
-            self._checkpoint_wanted.set()
-            return self._checkpoint_done.wait_for(lambda: self._checkpoints_made > before, timeout)
+        return self._checkpointer.schedule.request_and_wait(timeout)
 
     # --- what others see ---------------------------------------------------------------------------------------
 
@@ -378,37 +301,16 @@ class Trainer:
     @property
     def uptime(self) -> float:
         """Seconds since this process began."""
-        return time.monotonic() - self._began
+        return self._cards.uptime
 
     @property
     def next_checkpoint(self) -> float:
         """Seconds until the next checkpoint."""
-        return max(0.0, self._checkpoint_at - time.monotonic())
+        return self._checkpointer.schedule.seconds_left
 
     def superseded_for(self, version: int) -> float:
         """Seconds for which a policy version has not been the newest; 0 for the newest and for unknown ones."""
-        at = self._published_at.get(version + 1)
-        return 0.0 if at is None else time.monotonic() - at
-
-    def card(self, version: int, updates: int, evaluation: dict[str, float] | None = None) -> PolicyCard:
-        """Describe a policy of this run."""
-        return PolicyCard(
-            run=self.config.name,
-            task=self.config.task_name,
-            network=self.config.network,
-            mapping=self.config.mapping,
-            version=version,
-            updates=updates,
-            steps=self.limiter.steps,
-            averaged=bool(self.config.learner.average_decay),
-            commit=self._commit,
-            created=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
-            evaluation=evaluation,
-            maps=portable_sources(self.config.training_sources),
-            ranges=self.config.mapping_ranges,
-            seed=self.config.seed,
-            wall_seconds=round(self._earlier_seconds + self.uptime),
-        )
+        return self._publisher.superseded_for(version)
 
     def summary(self) -> RunSummary:
         """Describe the run for a table of runs."""
@@ -421,11 +323,11 @@ class Trainer:
             total_updates=self.config.learner.total_updates,
             steps=self.limiter.steps,
             episodes=self.ingest.episode_count,
-            hours=round((self._earlier_seconds + self.uptime) / 3600.0, 3),
+            hours=round(self._cards.seconds / 3600.0, 3),
             best_version=self.best.version,
             best=self.best.figures,
             seed=self.config.seed,
-            commit=self._commit,
+            commit=self._cards.commit,
             written=time.strftime("%Y-%m-%dT%H:%M:%S%z"),
         )
 
@@ -458,22 +360,6 @@ class Trainer:
             return False
         return self.cloning or len(self.replay) > 0
 
-    def _oldest_place(self) -> int:
-        """First journal segment that a kept checkpoint needs in order to count everything once."""
-        places = []
-        for name in self.checkpoints.names():
-            try:
-                places.append(int(self.checkpoints.document(name)["ingest"]["segment"]))
-            except (OSError, ValueError, KeyError):
-                logger.error("checkpoint %s has been damaged since it was written", self.checkpoints.folder / name)
-        return min(places)
-
     def _wake(self) -> None:
         if hasattr(self, "ingest"):
             self.ingest.wake()
-
-    def _has_news(self) -> bool:
-        return (self.limiter.updates, self.limiter.steps) != self._checkpointed
-
-    def _schedule_checkpoint(self) -> None:
-        self._checkpoint_at = time.monotonic() + self.config.checkpoints.every_seconds

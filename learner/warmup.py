@@ -11,7 +11,7 @@ import time
 import numpy as np
 import torch
 
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from common.messages.experience import Chunk, Delivery, End, ExpertLabels
 from common.messages.schema import decode, encode
 from common.observation import STEP_UNITS, Observation, ObservationBatch

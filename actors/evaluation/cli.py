@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +13,7 @@ from actors.evaluation.large.cli import app as large_app
 from actors.evaluation.options import ConfigFile, Limit, Maps, Overrides, Start, Target, TaskName, resolve
 from actors.evaluation.progress import planner_list, run_and_show
 from actors.evaluation.results_cli import app as results_app
+from actors.options import Fidelity
 from common.cli import (
     EXIT_ERROR,
     CommandApp,
@@ -39,13 +39,6 @@ app = CommandApp(
 )
 
 
-class FidelityChoice(StrEnum):
-    """Fidelities of PyBullet to choose from."""
-
-    KINEMATIC = "kinematic"
-    DYNAMIC = "dynamic"
-
-
 @app.command()
 @command_errors
 def run(
@@ -69,7 +62,7 @@ def run(
             autocompletion=completing(SIMULATORS),
         ),
     ] = "grid",
-    fidelity: Annotated[FidelityChoice | None, typer.Option("--fidelity", help="Fidelity of PyBullet.")] = None,
+    fidelity: Annotated[Fidelity | None, typer.Option("--fidelity", help="Fidelity of PyBullet.")] = None,
     policy: Annotated[
         Path | None, typer.Option("--policy", metavar="FILE", help="Policy of `hdplanner`; else the shipped one.")
     ] = None,

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
-
-import numpy as np
+from collections.abc import Callable
+from typing import Protocol
 
 from actors.environment import Environment
-from actors.evaluation.pixels import to_pixels
-from actors.evaluation.results import PLACES, DecisionTime, EpisodeResult
+from actors.evaluation.outcome import Outcome, Place, in_pixels
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
 from common.geometry import Pose
@@ -45,86 +41,7 @@ class Decider(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """How an episode went.
-
-    Attributes:
-        waypoints: (x, y) of the start and of every arrival, pixels of the image (see `EpisodeResult`); empty when it
-            crashed before its start.
-        distance: travelled metres.
-        steps: decisions that were carried out.
-        success: the task was completed.
-        explored: share of the reachable free area that was seen.
-        reason: why it ended, in words; what an exploration left unseen, with its area and place, stands in it.
-        decision_ms: processor time of every decision, mapping included, milliseconds.
-        crashed: the episode did not end by itself: the planner raised an error, or its process ended.
-        notes: counts that a planner keeps, such as decisions of the rule against cycles.
-        corners: those of the waypoints, by number, at which nothing was decided: corners of ways that are not straight.
-        unseen: reachable area that an exploration left unseen although it ended, square metres.
-    """
-
-    waypoints: list[Position]
-    distance: float
-    steps: int
-    success: bool
-    explored: float
-    reason: str
-    decision_ms: list[float]
-    crashed: bool = False
-    notes: dict[str, int] = field(default_factory=dict)
-    corners: list[int] = field(default_factory=list)
-    unseen: float = 0.0
-
-    def result(self, name: str) -> EpisodeResult:
-        """Return the episode as it stands in a results file, under its map's name."""
-        times = np.array(self.decision_ms or [0.0])
-        return EpisodeResult(
-            map=name,
-            waypoints=self.waypoints,
-            distance_m=round(self.distance, PLACES),
-            steps=self.steps,
-            success=self.success,
-            explored_rate=round(self.explored, 6),
-            decision_ms=DecisionTime(
-                median=round(float(np.median(times)), PLACES), p95=round(float(np.quantile(times, 0.95)), PLACES)
-            ),
-            corners=self.corners,
-            reason=self.reason,
-            unseen_m2=round(self.unseen, PLACES),
-        )
-
-
-class Place(NamedTuple):
-    """How far an episode has come.
-
-    Attributes:
-        x: pixels of the image.
-        y: pixels of the image.
-        distance: travelled metres.
-        explored: share of the reachable free area that was seen.
-    """
-
-    x: float
-    y: float
-    distance: float
-    explored: float
-
-    @classmethod
-    def of(cls, environment: Environment) -> Place:
-        """Return where an environment's robot stands."""
-        x, y = _rounded(environment.world, environment.pose.position)
-        return cls(x, y, environment.distance, environment.coverage.explored)
-
-
 Tell = Callable[[str, Place | None], None]
-
-
-def crashed(places: Sequence[Place], reason: str, kind: type[Outcome] = Outcome) -> Outcome:
-    """Return the outcome, of some kind, of an episode that did not end by itself, with what it had done so far."""
-    last = places[-1] if places else Place(0.0, 0.0, 0.0, 0.0)
-    waypoints = [(place.x, place.y) for place in places]
-    return kind(waypoints, last.distance, max(len(places) - 1, 0), False, last.explored, reason, [], crashed=True)
 
 
 def tell_nobody(event: str, place: Place | None) -> None:
@@ -184,7 +101,7 @@ def run_episode(
     notes = {name: count for name in COUNTS if (count := getattr(planner, name, None)) is not None}
     unseen = environment.coverage.unseen_area if not goal.task.needs_target and not environment.success else 0.0
     return Outcome(
-        waypoints=[_rounded(world, position) for position in environment.positions],
+        waypoints=[in_pixels(world, position) for position in environment.positions],
         distance=environment.distance,
         steps=environment.steps,
         success=environment.success,
@@ -194,13 +111,8 @@ def run_episode(
         notes=notes,
         corners=list(environment.corners),
         unseen=unseen,
+        collisions=environment.collisions,
     )
-
-
-def _rounded(world: GridMap, position: Position) -> Position:
-    """Return a position in pixels of the image, as results files have them."""
-    x, y = to_pixels(world, position)
-    return round(x, PLACES), round(y, PLACES)
 
 
 def _left(coverage: Coverage) -> str:

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from actors.evaluation.episode import Outcome
+from actors.evaluation.outcome import Outcome
 from actors.evaluation.results import ResultsError
 from common.documents import parse_json
 
@@ -30,14 +30,13 @@ class Journal:
         commits: of the code that made them, in order of first appearance.
     """
 
-    def __init__(self, path: Path, kind: type[Outcome] = Outcome) -> None:
+    def __init__(self, path: Path) -> None:
         self._path = path
-        self._kind = kind
         self.outcomes: dict[int, Outcome] = {}
         self.commits: list[str] = []
 
     @classmethod
-    def open(cls, path: Path, fingerprint: Mapping[str, Any], kind: type[Outcome] = Outcome) -> Journal:
+    def open(cls, path: Path, fingerprint: Mapping[str, Any]) -> Journal:
         """Read a journal, or begin one.
 
         A last line that was cut off when a run was killed is left out, and so are crashed episodes: these are run
@@ -46,7 +45,7 @@ class Journal:
         Raises:
             ResultsError: the file is of other settings, damaged, or cannot be read or written.
         """
-        journal = cls(path, kind)
+        journal = cls(path)
         head = {"format": FORMAT, "settings": json.loads(json.dumps(fingerprint))}
         try:
             lines = path.read_bytes().splitlines(keepends=True) if path.exists() else []
@@ -92,7 +91,7 @@ class Journal:
                 values = parse_json(line)
                 number, commit = values.pop("number"), values.pop("commit")
                 values["waypoints"] = [(float(x), float(y)) for x, y in values["waypoints"]]
-                outcome = self._kind(**values)
+                outcome = Outcome(**values)
                 if not outcome.crashed:
                     self._take(number, outcome, commit)
         except (ValueError, KeyError, TypeError, AttributeError) as error:

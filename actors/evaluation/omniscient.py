@@ -17,7 +17,7 @@ from actors.expert.visibility import fill_words, look_from_all
 from actors.maps.grid_map import GridMap
 from actors.tasks import make_goal
 from actors.tasks.coverage import Coverage
-from common.config.schema import MappingConfig, SimulatorConfig, TaskConfig
+from common.config import MappingConfig, SimulatorConfig, TaskConfig
 from common.errors import MapError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper

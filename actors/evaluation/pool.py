@@ -13,7 +13,7 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
-from actors.evaluation.episode import Outcome, Place, crashed
+from actors.evaluation.outcome import Outcome, Place, crashed
 from actors.evaluation.settings import EvaluationSettings
 from common.errors import HDError
 from common.reaper import Reaper
@@ -22,6 +22,7 @@ from common.threads import guarded
 
 log = logging.getLogger(__name__)
 
+WORKER = "actors.evaluation.worker"
 POLL_SECONDS = 0.2
 STOP_SECONDS = 2.0
 # A planner's first decisions in a worker compile its kernels, which takes a minute or two on a fresh install.
@@ -55,7 +56,6 @@ class _Worker:
     def __init__(
         self,
         settings: EvaluationSettings,
-        module: str,
         events: queue.Queue[tuple[_Worker, dict[str, Any] | None]],
         group: int,
     ) -> None:
@@ -67,7 +67,7 @@ class _Worker:
         self._patience = patience(settings.time_limit)
         self._events = events
         self.process = subprocess.Popen(
-            python_module(module, settings.model_dump_json()),
+            python_module(WORKER, settings.model_dump_json()),
             env=process_environment(threads=1),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -146,25 +146,14 @@ class WorkerPool:
                 ...
     """
 
-    def __init__(
-        self,
-        settings: EvaluationSettings,
-        workers: int,
-        *,
-        module: str = "actors.evaluation.worker",
-        kind: type[Outcome] = Outcome,
-    ) -> None:
+    def __init__(self, settings: EvaluationSettings, workers: int) -> None:
         """Set up.
 
         Args:
             settings: handed to every worker.
             workers: number of processes.
-            module: what a worker runs; see `actors.evaluation.worker`.
-            kind: class of the outcomes that it tells.
         """
         self._settings = settings
-        self._module = module
-        self._kind = kind
         self._count = workers
         self._events: _Events = queue.Queue()
         self._workers: list[_Worker] = []
@@ -215,14 +204,14 @@ class WorkerPool:
                 assert done is not None
                 left -= 1
                 value["waypoints"] = [(x, y) for x, y in value["waypoints"]]
-                yield done, self._kind(**value)
+                yield done, Outcome(**value)
             else:
                 worker.note(event, value)
             if worker.ready and worker.job is None and waiting:
                 worker.give(waiting.popleft())
 
     def _start(self) -> None:
-        self._workers.append(_Worker(self._settings, self._module, self._events, self._reaper.group()))
+        self._workers.append(_Worker(self._settings, self._events, self._reaper.group()))
 
     def _end_overdue(self) -> None:
         """End workers whose planner does not come back to say itself that it took too long."""
@@ -242,4 +231,4 @@ class WorkerPool:
         if worker.job is None:
             return None, None
         reason = worker.killed_for or f"its process ended with exit code {code}"
-        return worker.job, crashed(worker.places, reason, self._kind)
+        return worker.job, crashed(worker.places, reason)

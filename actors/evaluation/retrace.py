@@ -9,7 +9,7 @@ from actors.evaluation.pixels import Position, to_metres
 from actors.maps.grid_map import GridMap
 from actors.simulators.grid import GridSimulator
 from actors.tasks.coverage import Coverage
-from common.config.schema import MappingConfig, SimulatorConfig
+from common.config import MappingConfig, SimulatorConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from actors.expert.true_graph import TrueGraph
 from actors.maps.grid_map import GridMap
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.jit import njit
 from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Position

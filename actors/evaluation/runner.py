@@ -8,12 +8,12 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
-from actors.evaluation.episode import Outcome
 from actors.evaluation.journal import Journal
+from actors.evaluation.large.results import large_results
+from actors.evaluation.outcome import Outcome
 from actors.evaluation.pool import Job, WorkerPool
-from actors.evaluation.results import Results, ResultsError, write_results
+from actors.evaluation.results import Results, ResultsError, write_record, write_results
 from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.step_limit import warn_of_limit
 from actors.evaluation.worlds import WorldSet
@@ -57,11 +57,7 @@ class Evaluation(Closing):
             for planner, outcomes in evaluation.crashes().items():
                 ...
 
-    Subclasses of another protocol say what their workers run, what these tell, and how results are written.
     """
-
-    worker_module: ClassVar[str] = "actors.evaluation.worker"
-    outcome_kind: ClassVar[type[Outcome]] = Outcome
 
     def __init__(
         self, settings: EvaluationSettings, planners: Sequence[str], out: Path, *, overwrite: bool = False
@@ -98,9 +94,7 @@ class Evaluation(Closing):
             except OSError as error:
                 raise ResultsError(f"cannot use the folder {out} ({error.strerror}): choose another --out") from error
             self._journals = {
-                planner: Journal.open(
-                    self._path(out, planner, "jsonl"), settings.fingerprint(planner), self.outcome_kind
-                )
+                planner: Journal.open(self._path(out, planner, "jsonl"), settings.fingerprint(planner))
                 for planner in self._planners
             }
             self._locks = opened.pop_all()
@@ -189,8 +183,7 @@ class Evaluation(Closing):
             ) from None
 
     def _work(self, waiting: Sequence[Job], workers: int, watch: Callable[[Progress], None] | None) -> None:
-        made = WorkerPool(self._settings, workers, module=self.worker_module, kind=self.outcome_kind)
-        with made as pool, closing(pool.run(waiting)) as finished:
+        with WorkerPool(self._settings, workers) as pool, closing(pool.run(waiting)) as finished:
             for job, outcome in finished:
                 name = self._worlds.name(job.number)
                 if outcome.crashed:
@@ -210,6 +203,10 @@ class Evaluation(Closing):
     def _write_results(self, planner: str, commit: str, named: Sequence[tuple[str, Outcome]]) -> None:
         """Write the results file of a planner, from its outcomes with the names of their worlds."""
         settings = self._settings
+        if settings.large:
+            large = large_results(settings, planner, commit, self.worlds, named)
+            write_record(self.results_file(planner), large, large.episodes)
+            return
         results = Results(
             task=settings.task.kind.name,
             metres_per_pixel=self._worlds.metres_per_pixel,

@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from actors.evaluation.episode import Decider
+from actors.evaluation.large.robot import check_physics
 from actors.evaluation.omniscient import NAME as OMNISCIENT
 from actors.evaluation.omniscient import OmniscientReference
+from common.config import MappingConfig, SimulatorConfig, TaskConfig
 from common.config.names import generators_of
-from common.config.schema import MappingConfig, SimulatorConfig, TaskConfig
 from common.errors import CheckpointError, ConfigError
 from common.extensions import SIMULATORS
 from common.planners.base import Planner
@@ -40,6 +41,8 @@ class EvaluationSettings(BaseModel):
         seed: of planners and simulator.
         time_limit: seconds of processor time for one decision.
         policy: file of the learned planner.
+        large: at a large scale, as `hd-eval large` does it: under physics, with a 3D lidar, sensing on the way.
+        targets: of a tour, where `large` and the task has targets.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -53,6 +56,14 @@ class EvaluationSettings(BaseModel):
     seed: Annotated[int, Field(ge=0)] = 0
     time_limit: Annotated[float, Field(gt=0.0)] = 10.0
     policy: str | None = None
+    large: bool = False
+    targets: Annotated[int, Field(ge=1, le=50)] = 5
+
+    @model_validator(mode="after")
+    def _large_has_physics(self) -> EvaluationSettings:
+        if self.large:
+            check_physics(self.simulator)
+        return self
 
     def fingerprint(self, planner: str) -> dict[str, Any]:
         """Return what a planner's episodes depend on, as plain values: two runs that share it can be joined.
@@ -60,7 +71,9 @@ class EvaluationSettings(BaseModel):
         The number of worlds is no part of it, nor the time limit, nor the policy of other planners. A policy counts by
         what its file holds: the shipped one, or a file of the same name, may be another one tomorrow.
         """
-        values = self.model_dump(mode="json", exclude={"limit", "time_limit"})
+        values = self.model_dump(mode="json", exclude={"limit", "time_limit", "large"})
+        if not self.large:
+            del values["targets"]
         return {**values, "policy": self._policy_digest() if planner in LEARNED else None}
 
     def _policy_digest(self) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 
 from actors.maps.connectivity import reachable
 from actors.maps.grid_map import GridMap
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.mapping.raycast import cast_rays
 
 NEEDED_WAY: Final = 32.0

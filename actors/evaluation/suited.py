@@ -13,8 +13,8 @@ from pydantic import BaseModel
 from actors.evaluation.step_limit import step_limit
 from actors.maps.recommended import AUTO, MAX_STEPS, joined
 from actors.maps.sources import MapSource, fixed_numbers, open_sources, recommended
+from common.config import RunConfig
 from common.config.load import load_config
-from common.config.schema import RunConfig
 
 # Worlds that decide on a step limit; always the same ones, so that the number of worlds of an evaluation plays no part.
 _SAMPLE = 8

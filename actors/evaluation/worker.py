@@ -14,26 +14,21 @@ import os
 import sys
 import threading
 import traceback
-from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any, ClassVar
+from typing import Any
 
-from actors.environment import Environment
-from actors.evaluation.episode import Decider, Outcome, Place, Tell, crashed, run_episode, tell_nobody
+from actors.evaluation.episode import Decider, Tell
+from actors.evaluation.episodes import make_runner
 from actors.evaluation.omniscient import OmniscientReference
+from actors.evaluation.outcome import Outcome, Place, crashed
 from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.worlds import WorldSet
 from actors.maps.generators import make_generator
-from actors.maps.grid_map import GridMap
 from actors.maps.layout import BLOCK
 from actors.process import follow_parent
-from actors.simulators.base import Simulator
-from actors.simulators.factory import make_simulator
-from actors.tasks import make_goal
-from common.config.schema import RewardConfig
 from common.errors import HDError
 from common.logs import setup_logging
-from common.planners.base import Planner, mapping_for
+from common.planners.base import Planner
 
 log = logging.getLogger(__name__)
 
@@ -51,13 +46,11 @@ class Worker:
         worlds: of the evaluation.
     """
 
-    outcome_kind: ClassVar[type[Outcome]] = Outcome
-
     def __init__(self, settings: EvaluationSettings, tell: Tell) -> None:
         self._settings = settings
         self._tell = tell
         self.worlds = WorldSet.open(settings.maps, settings.task.name, settings.metres_per_pixel, settings.limit)
-        self._simulator = self._make_simulator()
+        self._episodes = make_runner(settings)
         self._planners: dict[str, Planner | OmniscientReference] = {}
 
     def run(self, planner: str, number: int) -> Outcome:
@@ -72,23 +65,20 @@ class Worker:
         try:
             decider = self._planner(planner)
             world = self.worlds.load(number)
-            return self._episode(decider, world, self._settings.episode_seed(number), tell)
+            return self._episodes.run(decider, world, seed=self._settings.episode_seed(number), tell=tell)
         except HDError as error:
-            return crashed(places, f"{error}", self.outcome_kind)
+            return crashed(places, f"{error}")
         except Exception as error:  # noqa: BLE001 - one planner's fault must not end the other episodes
             log.error("planner %s in world %d:\n%s", planner, number, traceback.format_exc().rstrip())
-            return crashed(places, f"{type(error).__name__}: {error}", self.outcome_kind)
+            return crashed(places, f"{type(error).__name__}: {error}")
 
     def attempt(self, planner: Decider, number: int) -> Outcome:
         """Run the episode of a planner that was made elsewhere in world `number`; what goes wrong is the caller's."""
-        return self._episode(planner, self.worlds.load(number), self._settings.episode_seed(number), tell_nobody)
+        return self._episodes.run(planner, self.worlds.load(number), seed=self._settings.episode_seed(number))
 
     def close(self) -> None:
         """Release the simulator."""
-        self._simulator.close()
-
-    def _make_simulator(self) -> Simulator:
-        return make_simulator(self._settings.simulator, self._settings.mapping.sensor_range)
+        self._episodes.close()
 
     def _planner(self, name: str) -> Planner | OmniscientReference:
         """Return a planner; a new one first decides a few times in a small world, so that all kernels are compiled."""
@@ -99,32 +89,17 @@ class Worker:
             small = make_generator("rooms", {"width": "320", "height": "240"}).world(0, scale)
             self._tell("warm", None)
             try:
-                self._episode(made, small, 0, tell_nobody, WARM_UP_STEPS)
+                self._episodes.run(made, small, seed=0, steps=WARM_UP_STEPS)
             except Exception as error:  # noqa: BLE001 - a fault shows again, and is reported, in its episodes
                 log.warning("planner %s cannot do the warm-up world: %s", name, error)
             self._planners[name] = made
         return self._planners[name]
 
-    def _episode(self, planner: Decider, world: GridMap, seed: int, tell: Tell, steps: int | None = None) -> Outcome:
-        settings = self._settings
-        environment = Environment(
-            self._simulator,
-            mapping_for(planner, settings.asked_of(planner), settings.mapping),
-            make_goal(settings.task),
-            RewardConfig(),
-            settings.task.max_steps if steps is None else steps,
-        )
-        if isinstance(planner, OmniscientReference):
-            planner.prepare(world, seed)
-        limit = settings.time_limit if steps is None else float("inf")
-        return run_episode(environment, planner, world, seed=seed, time_limit=limit, tell=tell)
 
-
-def serve(make: Callable[[str, Tell], Worker], settings: str) -> int:
+def serve(settings: str) -> int:
     """Serve jobs until standard input ends; return the exit code.
 
     Args:
-        make: makes the worker from its settings and what it tells its events to.
         settings: of the evaluation, JSON.
     """
     setup_logging(os.environ.get("HD_LOG_LEVEL", "warning"))
@@ -138,7 +113,7 @@ def serve(make: Callable[[str, Tell], Worker], settings: str) -> int:
         events.flush()
 
     try:
-        worker = make(settings, tell)
+        worker = Worker(EvaluationSettings.model_validate_json(settings), tell)
     except HDError as error:
         tell("unusable", str(error))
         return 1
@@ -150,12 +125,7 @@ def serve(make: Callable[[str, Tell], Worker], settings: str) -> int:
     return 0
 
 
-def main(make: Callable[[str, Tell], Worker]) -> None:
-    """Serve with the settings of the command line, and end the process."""
-    code = serve(make, sys.argv[1])
+if __name__ == "__main__":
+    code = serve(sys.argv[1])
     sys.stderr.flush()
     os._exit(code)
-
-
-if __name__ == "__main__":
-    main(lambda settings, tell: Worker(EvaluationSettings.model_validate_json(settings), tell))

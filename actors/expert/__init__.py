@@ -7,7 +7,7 @@ from typing import cast
 from actors.expert.base import Expert, ExpertLabel
 from actors.expert.exploration import ExplorationExpert
 from actors.expert.navigation import NavigationExpert
-from common.config.schema import MappingConfig, TaskConfig
+from common.config import MappingConfig, TaskConfig
 
 __all__ = ["Expert", "ExpertLabel", "ExplorationExpert", "NavigationExpert", "make_expert"]
 

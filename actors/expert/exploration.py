@@ -10,7 +10,7 @@ from actors.expert.true_graph import TrueGraph
 from actors.expert.visibility import fill_words, look_from_all
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
-from common.config.schema import MappingConfig, TaskConfig
+from common.config import MappingConfig, TaskConfig
 from common.errors import HDError
 from common.geometry import Pose
 from common.observation import Observation

@@ -9,7 +9,7 @@ from actors.expert.base import UNREACHABLE, ExpertLabel, leg_lengths
 from actors.expert.true_graph import TrueGraph
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
-from common.config.schema import MappingConfig, TaskConfig
+from common.config import MappingConfig, TaskConfig
 from common.errors import HDError, MapError
 from common.geometry import Pose
 from common.observation import Observation

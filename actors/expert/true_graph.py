@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from actors.maps.clear_space import known_cells
 from actors.maps.grid_map import GridMap
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.errors import MapError
 from common.geometry import Pose
 from common.jit import njit

@@ -28,8 +28,8 @@ from typing import Annotated, Any, Final
 
 from pydantic import Field, ValidationError
 
+from common.config import Section
 from common.config.load import resolve
-from common.config.schema import Section
 from common.documents import DocumentError, parse_toml, read_text
 from common.errors import ConfigError, MapError
 

@@ -20,7 +20,7 @@ from actors.simulators.robot import Robot
 from actors.simulators.segment import check_waypoint
 from actors.simulators.tracking import DriveLimits, SegmentTracker
 from actors.simulators.view import RealTime, follow_with_camera
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.errors import SimulatorError
 from common.geometry import Pose, Scan
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from actors.simulators.base import Simulator
 from actors.simulators.grid import GridSimulator
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.errors import HDError, SimulatorError
 from common.extensions import SIMULATORS
 from common.extras import optional

@@ -8,7 +8,7 @@ from actors.maps.grid_map import GridMap
 from actors.simulators.base import Leg
 from actors.simulators.beams import BeamPattern
 from actors.simulators.segment import follow_segment
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.errors import SimulatorError
 from common.geometry import Pose, Scan
 from common.mapping.raycast import cast_rays

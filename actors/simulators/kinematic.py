@@ -16,7 +16,7 @@ from actors.simulators.physics_world import PhysicsWorld
 from actors.simulators.robot import Robot
 from actors.simulators.segment import follow_segment
 from actors.simulators.view import follow_with_camera
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.errors import SimulatorError
 from common.geometry import Pose, Scan
 

@@ -15,7 +15,7 @@ from actors.maps.grid_map import GridMap
 from actors.simulators.bullet import pybullet
 from actors.simulators.dynamic import DynamicSimulator
 from actors.simulators.view import render
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.mapping.raycast import cast_rays
 
 _RETURN_COLOUR, _WAY_COLOUR = (0.95, 0.35, 0.05, 1.0), (0.10, 0.45, 0.85, 1.0)

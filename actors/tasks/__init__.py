@@ -7,7 +7,7 @@ from typing import cast
 from actors.tasks.base import Goal
 from actors.tasks.exploration import ExplorationGoal
 from actors.tasks.navigation import NavigationGoal
-from common.config.schema import TaskConfig
+from common.config import TaskConfig
 
 __all__ = ["ExplorationGoal", "Goal", "NavigationGoal", "make_goal"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
-from common.config.schema import TaskConfig
+from common.config import TaskConfig
 from common.geometry import Pose
 from common.tasks import EXPLORATION, Task
 

@@ -16,7 +16,7 @@ import zenoh
 from common.bus.endpoint import is_loopback
 from common.bus.gate import LISTENERS, Gate
 from common.bus.tls import access_settings, tls_settings
-from common.config.schema import BusConfig
+from common.config import BusConfig
 from common.errors import BusError
 from common.messages.schema import MAX_WEIGHTS
 from common.runtime import allow_files

@@ -11,11 +11,11 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from common.config.schema import RunConfig
+from common.config.run import RunConfig
 
 INTRODUCTION = """# Configuration
 
-<!-- Made by `make docs` from common/config/schema.py: change the text there. -->
+<!-- Made by `make docs` from the sections in common/config/: change the text there. -->
 
 A run has one typed tree of settings. Each source overrides the ones before it:
 

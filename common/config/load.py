@@ -9,7 +9,7 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from common.config.names import named_parts
-from common.config.schema import RunConfig
+from common.config.run import RunConfig
 from common.config.tree import ConfigTree
 
 RUN = ConfigTree(

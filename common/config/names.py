@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 
 from pydantic import ValidationError
 
-from common.config.schema import RunConfig
+from common.config.run import RunConfig
 from common.errors import MessageError
 from common.extensions import GENERATORS, SIMULATORS, generator_name
 from common.registry import NamedPart, refuse_modules

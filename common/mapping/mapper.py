@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.errors import MappingError
 from common.geometry import Pose, Scan
 from common.mapping.adjacency import Adjacency

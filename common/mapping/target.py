@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.mapping.beacons import nearest_in_line
 from common.mapping.belief import Belief
 from common.mapping.raycast import SUBCELLS

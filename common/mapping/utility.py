@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.jit import njit
 from common.mapping.belief import Belief
 from common.mapping.frontiers import FrontierChanges, Frontiers

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.geometry import Pose, Scan
 from common.mapping.mapper import Mapper
 from common.mapping.raycast import cast_rays, ray_angles

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.network.attention import CrossAttention
 from common.network.encoder import FeedForward
 from common.network.graph_batch import GraphBatch

@@ -5,7 +5,7 @@ from __future__ import annotations
 from torch import Tensor, nn
 from torch.nn import functional
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.features import feature_count
 from common.network.attention import EdgeAttention
 from common.network.graph_batch import GraphBatch

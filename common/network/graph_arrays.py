@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.features import FEATURE_NAMES, feature_count, node_features, paths_toward
 from common.jit import njit
 from common.network.reduction import kept_rows, renumbered

@@ -9,7 +9,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.network.graph_arrays import GraphArrays
 from common.observation import ObservationBatch
 

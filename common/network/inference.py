@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.jit import njit
 from common.network.cross_kernels import cross_kernels
 from common.network.edge_kernels import edge_kernels

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.errors import WeightsError
 from common.features import feature_count
 

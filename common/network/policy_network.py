@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.network.decoders import BeaconDecoder, WaypointDecoder
 from common.network.encoder import Encoder
 from common.network.graph_batch import GraphBatch

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol, runtime_checkable
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 

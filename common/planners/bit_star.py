@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.errors import ConfigError
 from common.extras import optional
 from common.mapping.raycast import SUBCELLS

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.mapping.mapper import Mapper
 
 # The world is judged as soon as so much is known, as a share of the disc that the sensor reaches: 250 m2 at 20 m.

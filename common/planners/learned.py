@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Planner, Position, Status, TaskName

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.errors import ConfigError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper

@@ -7,7 +7,7 @@ from math import ceil, hypot
 import numpy as np
 from numpy.typing import NDArray
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.mapping.belief import Belief
 from common.mapping.clearance import CLEAR_CELL, TIGHT, Clearance
 from common.mapping.raycast import SUBCELLS

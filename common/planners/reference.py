@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.observation import MAX_ROUTE, Observation

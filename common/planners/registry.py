@@ -6,7 +6,7 @@ import inspect
 from dataclasses import dataclass
 from typing import Any, Final, cast
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.errors import ConfigError, HDError
 from common.planners.base import Planner
 from common.registry import Entry, Registry, did_you_mean

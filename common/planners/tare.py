@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.errors import ConfigError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper

@@ -12,8 +12,8 @@ from common.mapping.raycast import SUBCELL_BITS
 from common.mapping.sight import CLEAR, OCCUPIED, Box, blocker, may_touch
 from common.planners.contours import convex_corners, thicken
 
-# Of the simplification of polygons, cells. They are one cell wide around occupied cells, which closes the gaps between
-# single returns of the lidar; what is cut off is less, so that the edges of polygons are clear of occupied cells.
+# What the simplification of a polygon cuts off at most, cells. Polygons are thickened by one cell, which closes the
+# gaps between single returns of the lidar; less is cut off than that, so their edges are clear of occupied cells.
 TOLERANCE: Final = 0.95
 
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status

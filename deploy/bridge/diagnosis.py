@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.mapping.sight import FREE, OCCUPIED

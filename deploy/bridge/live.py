@@ -13,8 +13,8 @@ from common.bus.session import open_client_session
 from common.bus.spec import fetch_spec
 from common.bus.weights import WeightsPuller
 from common.closing import Closing
+from common.config import BusConfig, MappingConfig, MapsConfig, RunConfig, SimulatorConfig
 from common.config.names import config_from_message
-from common.config.schema import BusConfig, MappingConfig, MapsConfig, RunConfig, SimulatorConfig
 from common.errors import BusError, ConfigError, HDError
 from common.messages.weights import Weights
 from common.network.parameters import parameter_shapes

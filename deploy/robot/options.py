@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from common.config.schema import Positive, Section
+from common.config import Positive, Section
 from deploy.config import DrivingConfig, NonNegative
 from deploy.network_config import TopicsConfig
 

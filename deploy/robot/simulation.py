@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from actors.maps.grid_map import GridMap
 from actors.maps.sources import open_sources, recommended
 from common.closing import Closing
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.extras import optional
 from common.geometry import Pose, Scan
 from deploy.config import DeployConfig

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from common.config.schema import CloningConfig
+from common.config import CloningConfig
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyOutput
 from common.network.segment import segment_log_softmax, segment_sum

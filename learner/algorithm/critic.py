@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.network.decoders import DecoderLayer
 from common.network.encoder import Encoder
 from common.network.graph_batch import GraphBatch

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from learner.algorithm.policy_learner import PolicyLearner
 from learner.algorithm.ppo import PpoLearner
 from learner.algorithm.sac import SacLearner

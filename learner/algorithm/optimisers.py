@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import torch
 from torch import Tensor, nn
 
-from common.config.schema import AdamConfig
+from common.config import AdamConfig
 from common.errors import CheckpointError
 
 

@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from common.errors import CheckpointError
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyNetwork, PolicyOutput

@@ -10,7 +10,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from common.network.segment import segment_sum
 from learner.algorithm.augment import augment
 from learner.algorithm.batch import TransitionBatch

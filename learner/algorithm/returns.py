@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from common.network.graph_arrays import GraphArrays
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.value import value_features

@@ -7,7 +7,7 @@ from copy import deepcopy
 import torch
 from torch import Tensor, nn
 
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from common.network.policy_network import PolicyOutput
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.cloning import cloning_loss

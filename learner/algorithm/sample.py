@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from common.network.graph_batch import GraphBatch
 from common.observation_index import waypoint_counts
 from learner.algorithm.batch import TransitionBatch

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from common.network.graph_arrays import GraphArrays
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyNetwork

@@ -7,7 +7,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from common.messages.experience import ExpertLabels
 from common.observation import ObservationBatch
 from common.observation_index import waypoint_counts

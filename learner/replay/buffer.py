@@ -4,35 +4,19 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from common.messages.experience import Chunk, Delivery, End, ExpertLabels
-from common.observation import ObservationBatch
-from common.observation_index import waypoint_counts
+from common.messages.experience import Chunk, Delivery, End
 from learner.algorithm.batch import TransitionBatch
-from learner.replay.gather import gather
-from learner.replay.memory import (
-    BENT,
-    COSTS,
-    EDGES,
-    KINDS,
-    LINKS,
-    ROUTES,
-    ROW_BYTES,
-    VIEWPOINTS,
-    Ring,
-    SlotColumns,
-    plan_memory,
-)
+from learner.replay.open_ends import OpenEnds
+from learner.replay.ragged import RaggedParts
+from learner.replay.store import ObservationStore
+from learner.replay.transitions import make_batch
 
 Source = tuple[str, int, int]
 """(actor, incarnation, sequence) of a delivery."""
-StepKey = tuple[str, int, int, int]
-"""One step of the whole system: (actor, incarnation, episode, step)."""
 
 
 class ReplayBuffer:
@@ -58,13 +42,10 @@ class ReplayBuffer:
     def __init__(self, capacity: int, max_bytes: int) -> None:
         self.capacity = capacity
         self.max_bytes = max_bytes
-        slots, self._ring_bytes = plan_memory(capacity, max_bytes)
         self._lock = threading.Lock()
-        self._slots = slots
-        self._columns = SlotColumns.allocate(slots)
-        self._slot_bytes = SlotColumns.row_bytes()
-        self._rings = [Ring(kind, self._ring_bytes) for kind in KINDS]
-        self._live_bytes = 0
+        self._store = ObservationStore(capacity, max_bytes)
+        self._slots = self._store.slots
+        self._columns = self._store.columns
         # Arrival numbers count for ever: the observations here are those from _oldest to _next - 1.
         self._oldest = 0
         self._next = 0
@@ -72,10 +53,7 @@ class ReplayBuffer:
         # Where the observations here came from: (actor, incarnation, sequence) of deliveries in the order of arrival.
         self._sources: deque[Source] = deque()
         self._first_source = 0
-        self._ends: dict[StepKey, int] = {}
-        self._starts: dict[StepKey, int] = {}
-        self._key_of_end: dict[int, StepKey] = {}
-        self._key_of_start: dict[int, StepKey] = {}
+        self._ends, self._starts = OpenEnds(), OpenEnds()
 
     def __len__(self) -> int:
         """Number of transitions that can be sampled."""
@@ -84,13 +62,13 @@ class ReplayBuffer:
     @property
     def fill(self) -> float:
         """Share of the capacity in use, by transitions or by bytes, whichever is nearer to its limit; 0 to 1."""
-        by_bytes = self._live_bytes / self._ring_bytes
+        by_bytes = self._store.live_bytes / self._store.ring_bytes
         return min(1.0, max(self._transitions / self.capacity, by_bytes))
 
     @property
     def bytes(self) -> int:
         """Memory in use, bytes."""
-        return self._live_bytes + min(self._next, self._slots) * self._slot_bytes
+        return self._store.live_bytes + min(self._next, self._slots) * self._store.slot_bytes
 
     @property
     def observations(self) -> int:
@@ -155,7 +133,7 @@ class ReplayBuffer:
             if rehearsed:
                 again = self._draw(self._columns.labelled, rehearsed, rng, "labelled step")
                 drawn = np.concatenate([drawn, again])
-            batch = self._batch(drawn, steps, gamma, labelled)
+            batch = make_batch(self._store, drawn, self._oldest, steps, gamma, judged=labelled)
         batch.probabilities[batch_size - rehearsed :] = 0.0
         return batch
 
@@ -166,7 +144,8 @@ class ReplayBuffer:
             ValueError: when the buffer holds no labelled step.
         """
         with self._lock:
-            return self._batch(self._draw(self._columns.labelled, batch_size, rng, "labelled step"), 1, 1.0, False)
+            rows = self._draw(self._columns.labelled, batch_size, rng, "labelled step")
+            return make_batch(self._store, rows, self._oldest, steps=1, gamma=1.0, judged=False)
 
     def set_aside(self, arrivals: NDArray[np.int64]) -> list[Source]:
         """Never draw the steps of some deliveries again; return where those came from.
@@ -199,43 +178,24 @@ class ReplayBuffer:
     def _store_observations(self, chunk: Chunk) -> int:
         """Append all observations of a chunk, with their labels; return the arrival number of the first."""
         first_arrival = self._next
-        choices = waypoint_counts(chunk.observations)
-        ragged = _RaggedParts.of(chunk, choices)
+        ragged = RaggedParts.of(chunk)
         count = len(chunk.observations)
-        if (ragged.ends[-1] <= [ring.largest for ring in self._rings]).all():
-            self._store_piece(chunk.observations, ragged, choices, 0, count)
+        if self._store.takes_whole(ragged):
+            self._store_piece(chunk, ragged, 0, count)
         else:
             for i in range(count):
-                self._store_piece(chunk.observations, ragged, choices, i, i + 1)
+                self._store_piece(chunk, ragged, i, i + 1)
         return first_arrival
 
-    def _store_piece(
-        self, batch: ObservationBatch, ragged: _RaggedParts, choices: NDArray[np.int32], low: int, high: int
-    ) -> None:
-        """Append observations ``low`` to ``high - 1``, contiguous in every ring, after making room for them."""
-        count = high - low
-        columns = self._columns
-        begin, end = ragged.ends[low], ragged.ends[high]
-        size = int((end - begin) @ ROW_BYTES)
-        while self._live_bytes + size > self._ring_bytes or self.observations + count > self._slots:
+    def _store_piece(self, chunk: Chunk, ragged: RaggedParts, low: int, high: int) -> None:
+        """Append observations ``low`` to ``high - 1``, after making room for them."""
+        count, store = high - low, self._store
+        size = store.size(ragged, low, high)
+        while store.live_bytes + size > store.ring_bytes or self.observations + count > self._slots:
             self._evict()
-        self._live_bytes += size
-        places = [
-            ring.append(arrays, first, last)
-            for ring, arrays, first, last in zip(self._rings, ragged.arrays, begin.tolist(), end.tolist(), strict=True)
-        ]
-        rows = np.arange(self._next, self._next + count) % self._slots
-        part = slice(low, high)
+        rows = store.write(chunk.observations, ragged, low, high, self._next)
+        columns = self._columns
         columns.delivery[rows] = self._last_source
-        columns.first[rows] = ragged.ends[part] - begin + places
-        columns.length[rows] = ragged.length[part]
-        columns.robot[rows] = batch.robot[part]
-        columns.has_target[rows] = batch.has_target[part]
-        columns.target_known[rows] = batch.target_known[part]
-        columns.target_offset[rows] = batch.target_offset[part]
-        columns.cell[rows] = batch.cell[part]
-        columns.reach[rows] = batch.reach[part]
-        columns.choices[rows] = choices[part]
         columns.step[rows] = False
         columns.successor[rows] = -1
         columns.predecessor[rows] = -1
@@ -277,29 +237,18 @@ class ReplayBuffer:
         last = first + chunk.steps - 1
         if chunk.end is End.NONE and last >= self._oldest:
             key = (*episode, chunk.first_step + chunk.steps)
-            later = self._starts.pop(key, None)
+            later = self._starts.take(key)
             if later is None:
-                self._note(self._ends, self._key_of_end, key, last)
+                self._ends.note(key, last)
             else:
-                del self._key_of_start[later]
                 self._join(last, later)
         if chunk.first_step > 0 and first >= self._oldest:
             key = (*episode, chunk.first_step)
-            earlier = self._ends.pop(key, None)
+            earlier = self._ends.take(key)
             if earlier is None:
-                self._note(self._starts, self._key_of_start, key, first)
+                self._starts.note(key, first)
             else:
-                del self._key_of_end[earlier]
                 self._join(earlier, first)
-
-    @staticmethod
-    def _note(open_ends: dict[StepKey, int], keys: dict[int, StepKey], key: StepKey, number: int) -> None:
-        """Note an open end; a confused actor may have sent the same step under two sequence numbers."""
-        replaced = open_ends.get(key)
-        if replaced is not None:
-            del keys[replaced]
-        open_ends[key] = number
-        keys[number] = key
 
     def _join(self, step: int, successor: int) -> None:
         self._columns.successor[step % self._slots] = successor
@@ -319,10 +268,8 @@ class ReplayBuffer:
 
     def _forget_ends(self, number: int) -> None:
         """Let nothing that comes later join an observation."""
-        for keys, open_ends in ((self._key_of_end, self._ends), (self._key_of_start, self._starts)):
-            key = keys.pop(number, None)
-            if key is not None:
-                del open_ends[key]
+        self._ends.forget(number)
+        self._starts.forget(number)
 
     def _evict(self) -> None:
         """Forget the oldest observation, and with it the transition that starts or ends there."""
@@ -338,10 +285,7 @@ class ReplayBuffer:
         columns.successor[row] = -1
         columns.labelled[row] = False
         self._forget_ends(number)
-        length = columns.length[row]
-        self._live_bytes -= int(length @ ROW_BYTES)
-        for ring, first, rows in zip(self._rings, columns.first[row].tolist(), length.tolist(), strict=True):
-            ring.free(first, rows)
+        self._store.free(row)
         self._oldest += 1
         # The delivery that is being stored may be so large that it evicts its own beginning.
         held = int(columns.delivery[self._oldest % self._slots]) if self._oldest < self._next else self._last_source
@@ -371,124 +315,3 @@ class ReplayBuffer:
         shift = int(np.searchsorted(rows, self._oldest % self._slots))
         older = 0 if newest is None else max(len(rows) - newest, 0)
         return rows[(rng.integers(older, len(rows), size=batch_size) + shift) % len(rows)]
-
-    def _batch(self, rows: NDArray[np.int64], steps: int, gamma: float, judged: bool) -> TransitionBatch:
-        columns = self._columns
-        successor = columns.successor[rows]
-        valid = successor >= 0
-        following = np.where(valid, successor % self._slots, rows)
-        rewards, terminal = columns.reward[rows], columns.terminal[rows]
-        discounts = np.full(len(rows), gamma, dtype=np.float32)
-        for _ in range(steps - 1):
-            # Steps alone have a successor, and the row that follows a terminal step is no step.
-            onward = valid & (columns.successor[following] >= 0)
-            rewards[onward] += discounts[onward] * columns.reward[following[onward]]
-            terminal[onward] = columns.terminal[following[onward]]
-            discounts[onward] *= gamma
-            following[onward] = columns.successor[following[onward]] % self._slots
-        labelled = columns.labelled[rows]
-        next_labelled = columns.labelled[following] & valid
-        return TransitionBatch(
-            observations=self._gather(rows),
-            next_observations=self._gather(following),
-            beacons=columns.beacon[rows],
-            waypoints=columns.waypoint[rows],
-            rewards=rewards,
-            discounts=discounts,
-            terminal=terminal,
-            next_valid=valid,
-            probabilities=columns.probability[rows],
-            families=columns.family[rows],
-            labelled=labelled,
-            labels=self._labels(rows, labelled) if labelled.any() else None,
-            next_labelled=next_labelled,
-            next_labels=self._labels(following, next_labelled) if judged else None,
-            arrivals=self._oldest + (rows - self._oldest) % self._slots,
-        )
-
-    def _gather(self, rows: NDArray[np.int64]) -> ObservationBatch:
-        columns = self._columns
-        length = np.ascontiguousarray(columns.length[rows].T)
-        offsets, utility, marks, degree = self._pieces(VIEWPOINTS, rows)
-        (neighbours,) = self._pieces(EDGES, rows)
-        bent, bent_length = self._pieces(BENT, rows)
-        (target_links,) = self._pieces(LINKS, rows)
-        (route,) = self._pieces(ROUTES, rows)
-        return ObservationBatch(
-            count=length[VIEWPOINTS],
-            offsets=offsets,
-            utility=utility,
-            visited=(marks & 1) != 0,
-            beacon=(marks & 2) != 0,
-            degree=degree,
-            edge_count=length[EDGES],
-            neighbours=neighbours,
-            bent_count=length[BENT],
-            bent=bent,
-            bent_length=bent_length,
-            robot=columns.robot[rows],
-            has_target=columns.has_target[rows],
-            target_known=columns.target_known[rows],
-            target_offset=columns.target_offset[rows],
-            link_count=length[LINKS],
-            target_links=target_links,
-            cell=columns.cell[rows],
-            reach=columns.reach[rows],
-            route_count=length[ROUTES],
-            route=route,
-        )
-
-    def _labels(self, rows: NDArray[np.int64], labelled: NDArray[np.bool_]) -> ExpertLabels:
-        columns = self._columns
-        choices = columns.choices[rows]
-        cost = np.zeros(int(choices.sum()), dtype=np.float32)
-        cost[np.repeat(labelled, choices)] = self._pieces(COSTS, rows[labelled])[0]
-        return ExpertLabels(
-            cost=cost,
-            beacon=np.where(labelled, columns.first_beacon[rows], -1).astype(np.int32),
-            remaining=np.where(labelled, columns.remaining[rows], np.float32(0.0)),
-            unseen=np.where(labelled, columns.unseen[rows], np.float32(0.0)),
-        )
-
-    def _pieces(self, ring: int, rows: NDArray[np.int64]) -> list[NDArray[Any]]:
-        """Return the columns of a ring for some observations, one behind the other."""
-        first, length = self._columns.first[rows, ring], self._columns.length[rows, ring]
-        return [gather(array, first, length) for array in self._rings[ring].arrays]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _RaggedParts:
-    """What of a chunk of k observations goes into the rings.
-
-    Attributes:
-        arrays: the columns of each ring.
-        length: rows of each observation in each ring, int32, shape (k, 6).
-        ends: first row of each observation in the arrays, then their number of rows, int64, shape (k + 1, 6).
-    """
-
-    arrays: tuple[tuple[NDArray[Any], ...], ...]
-    length: NDArray[np.int32]
-    ends: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, chunk: Chunk, choices: NDArray[np.int32]) -> _RaggedParts:
-        """Lay out a chunk whose observations have ``choices`` waypoints, int32, shape (k,)."""
-        batch, labels = chunk.observations, chunk.labels
-        costs = np.zeros(len(batch), dtype=np.int32)
-        if labels is not None:
-            costs[: chunk.steps] = choices[: chunk.steps]
-        length = np.stack(
-            [batch.count, batch.edge_count, batch.bent_count, batch.link_count, batch.route_count, costs], axis=1
-        )
-        ends = np.zeros((len(batch) + 1, len(KINDS)), dtype=np.int64)
-        np.cumsum(length, axis=0, out=ends[1:])
-        marks = batch.visited + 2 * batch.beacon.view(np.uint8)
-        arrays = (
-            (batch.offsets, batch.utility, marks, batch.degree),
-            (batch.neighbours,),
-            (batch.bent, batch.bent_length),
-            (batch.target_links,),
-            (batch.route,),
-            (np.zeros(0, dtype=np.float32) if labels is None else labels.cost,),
-        )
-        return cls(arrays, length, ends)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from learner.algorithm.batch import TransitionBatch
 from learner.replay.buffer import ReplayBuffer
 

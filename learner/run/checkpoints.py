@@ -22,6 +22,8 @@ from learner.run.files import file_digest, make_folder, replace_text, sync_path,
 logger = logging.getLogger(__name__)
 
 FORMAT = 1
+EXPORT_PREFIX = "export."
+"""Tensors of a checkpoint under this prefix are the policy for robots and evaluation; resuming needs them not."""
 _MANIFEST = "manifest.json"
 _DOCUMENT = "state.json"
 _TENSORS = "tensors.safetensors"

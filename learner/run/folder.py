@@ -12,8 +12,8 @@ import time
 from pathlib import Path
 
 from common.closing import Closing
+from common.config import RunConfig
 from common.config.load import resolve
-from common.config.schema import RunConfig
 from common.errors import CheckpointError, LockedError, StorageError
 from common.file_lock import FileLock
 from learner.run.code_state import write_code_state

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.extras import optional
 from common.features import feature_count
 from common.network.parameters import Arrays

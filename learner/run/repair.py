@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
+from common.bus.seen import SeenSet
 from learner.run.files import replace_bytes, set_aside, sync_path
 from learner.run.records import Found, scan
 
@@ -140,3 +142,13 @@ def _read(path: Path, start: int, length: int) -> bytes:
     with path.open("rb") as file:
         file.seek(start)
         return file.read(length)
+
+
+def missing_deliveries(seen: SeenSet) -> str:
+    """Name the deliveries between others of the same actor that were never stored; empty when there are none."""
+    gaps = []
+    for (actor, incarnation), ranges in sorted(seen.streams().items()):
+        missing = [f"{end} to {first - 1}" for (_, end), (first, _) in pairwise(ranges)]
+        if missing:
+            gaps.append(f"{actor} (incarnation {incarnation}) {', '.join(missing)}")
+    return "; ".join(gaps)

@@ -11,7 +11,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from common.bus.keys import host_of
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from common.messages.experience import FAILURE, EpisodeReport
 from learner.run.episodes import EpisodeMeans, mean_episode
 

@@ -10,9 +10,9 @@ from typing import Any
 
 from common.bus.liveness import Process
 from common.messages.stats import ActorStats, LearnerStats
-from learner.ingest import ActorRecord
 from learner.run.episodes import GROUPS
 from learner.trainer import Trainer
+from learner.watch.actors import ActorRecord
 from learner.watch.status import ActorStatus, LearnerStatus
 
 FORGET_SECONDS = 600.0

@@ -13,7 +13,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from common.extras import optional
 from learner.run.files import replace_text, to_json
 

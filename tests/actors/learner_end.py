@@ -14,7 +14,7 @@ from common.bus.session import new_incarnation, open_learner_session
 from common.bus.spec import SpecServer
 from common.bus.stats import StatsTable
 from common.bus.weights import WeightsPublisher
-from common.config.schema import BusConfig, RunConfig
+from common.config import BusConfig, RunConfig
 from common.messages.experience import Chunk, Delivery
 from common.messages.replies import Spec
 from common.messages.weights import Weights

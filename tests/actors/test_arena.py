@@ -6,8 +6,8 @@ import pytest
 from actors.arena import Arena
 from actors.collector import Collector
 from actors.simulators.grid import GridSimulator
+from common.config import FamilyConfig, SimulatorConfig
 from common.config.load import load_config, resolve
-from common.config.schema import FamilyConfig, SimulatorConfig
 from common.errors import ConfigError
 from common.messages.experience import Chunk, EpisodeReport
 

@@ -3,7 +3,7 @@ from typer.testing import CliRunner
 
 from actors.cli import app, free_names
 from actors.options import ActorOptions, host_name
-from common.config.schema import BusConfig, RunConfig
+from common.config import BusConfig, RunConfig
 from common.ids import check_id
 from tests.actors.learner_end import LearnerEnd, free_port
 

@@ -9,7 +9,7 @@ from actors.episode import Role, run_episode
 from actors.expert import make_expert
 from actors.simulators.grid import GridSimulator
 from actors.tasks import make_goal
-from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
+from common.config import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
 from common.errors import ConfigError, HDError, MapError
 from common.messages.experience import End
 from tests.actors.worlds import draw
@@ -38,8 +38,7 @@ BRANCHES = draw(
 
 
 def route_length(positions):
-    points = np.array(positions)
-    return float(np.hypot(*np.diff(points, axis=0).T).sum()) if len(points) > 1 else 0.0
+    return float(np.hypot(*np.diff(np.array(positions), axis=0).T).sum())
 
 
 def environment(

@@ -1,7 +1,7 @@
 import pytest
 
 from actors.rewards import StepOutcome, step_reward
-from common.config.schema import RewardConfig
+from common.config import RewardConfig
 from common.errors import ConfigError
 
 

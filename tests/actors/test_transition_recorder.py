@@ -4,7 +4,7 @@ import pytest
 from actors.driver import ExpertDriver, PolicyDriver, RandomDriver
 from actors.episode import Role, run_episode
 from actors.transition_recorder import TransitionRecorder
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.messages.experience import Delivery, End, ObservationBatch
 from common.messages.schema import decode, encode
 from common.policy import Policy

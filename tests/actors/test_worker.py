@@ -9,7 +9,7 @@ import pytest
 
 from actors.options import ActorOptions
 from actors.worker import Worker
-from common.config.schema import BusConfig
+from common.config import BusConfig
 from common.errors import ConfigError
 from common.messages.experience import Chunk, EpisodeReport
 from tests.actors.learner_end import LearnerEnd, free_port

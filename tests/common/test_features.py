@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import given, settings
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.features import FEATURE_NAMES
 from common.network.graph_arrays import GraphArrays
 from common.observation import STEP_UNITS, Observation, ObservationBatch

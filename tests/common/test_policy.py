@@ -8,7 +8,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.errors import WeightsError
 from common.network.graph_batch import GraphBatch
 from common.network.parameters import initial_parameters

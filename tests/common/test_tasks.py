@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.errors import ConfigError
 from common.planners.registry import make_planner, planner_names
 from common.tasks import BOTH, EXPLORATION, NAVIGATION, TASKS, find_task

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from common.messages.experience import Delivery, End
 from learner.algorithm.base import PublishedVersion
 from learner.algorithm.factory import make_learner

@@ -14,7 +14,7 @@ from common.bus.session import open_client_session, open_learner_session
 from common.bus.spec import SpecServer, fetch_spec
 from common.bus.stats import StatsTable, publish_stats
 from common.bus.weights import WeightsPublisher, WeightsPuller
-from common.config.schema import BusConfig
+from common.config import BusConfig
 from common.errors import BusError, ConfigError
 from common.messages.replies import Spec
 from common.messages.schema import encode

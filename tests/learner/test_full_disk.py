@@ -15,7 +15,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from common.bus.experience import ExperienceSender
 from common.bus.session import open_client_session
-from common.config.schema import BusConfig
+from common.config import BusConfig
 from common.errors import StorageError
 from learner.algorithm.factory import make_learner
 from learner.loop import train
@@ -138,7 +138,7 @@ def test_a_checkpoint_without_room_leaves_the_one_before(small_disk, caplog):
         with pytest.raises(StorageError, match=r"cannot write checkpoint .*make room"):
             trainer.checkpoint()
         assert trainer.checkpoints.names() == ["000000000"] and not trainer.checkpoints.damaged()
-        trainer._checkpoint_wanted.set()
+        trainer._checkpointer.schedule.request()
         for _ in range(5):
             trainer.serve()
         assert caplog.text.count("The learner holds") == 1

@@ -15,7 +15,7 @@ from common.bus.experience import ExperienceSender
 from common.bus.query import ask
 from common.bus.session import open_client_session
 from common.bus.weights import WeightsPuller
-from common.config.schema import BusConfig
+from common.config import BusConfig
 from common.messages.experience import Delivery
 from common.messages.schema import encode
 from common.messages.stats import LearnerStats

@@ -75,8 +75,9 @@ def large(
 
     - `hd-eval large --planner dstar_lite,far --task navigation --targets 5 --out navigation/`
     """
-    from actors.evaluation.large.runner import LargeEvaluation
-    from actors.evaluation.large.settings import LIDAR, MAX_STEPS, TRACKING_ROOM, LargeSettings
+    from actors.evaluation.large.robot import LIDAR, MAX_STEPS, TRACKING_ROOM
+    from actors.evaluation.runner import Evaluation
+    from actors.evaluation.settings import EvaluationSettings
     from actors.evaluation.suited import suited_config
     from actors.evaluation.worlds import WorldSet
 
@@ -88,7 +89,7 @@ def large(
         own.append(f"mapping.robot_radius={robot_radius + TRACKING_ROOM if robot_radius > 0.0 else 0.0}")
     suited = suited_config([world], config, own, os.environ)
     run = suited.run
-    settings = LargeSettings(
+    settings = EvaluationSettings(
         maps=(world,),
         limit=seeds,
         metres_per_pixel=WorldSet(suited.source, seeds).metres_per_pixel,
@@ -98,10 +99,11 @@ def large(
         seed=seed,
         time_limit=time_limit,
         policy=None if policy is None else str(policy.expanduser().resolve()),
+        large=True,
         targets=targets,
     )
     names = planner_list(planner)
-    with LargeEvaluation(settings, names, out, overwrite=overwrite) as evaluation:
+    with Evaluation(settings, names, out, overwrite=overwrite) as evaluation:
         crashed = run_and_show(evaluation, names, jobs, console)
     if crashed:
         raise typer.Exit(EXIT_ERROR)

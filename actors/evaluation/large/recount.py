@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from actors.evaluation.large.lidar import GridLidar
 from actors.evaluation.large.results import LargeEpisode, LargeResults, settings_of
-from actors.evaluation.large.settings import LargeSettings
 from actors.evaluation.large.tour import leg_world
 from actors.evaluation.large.voxels import VoxelMap
+from actors.evaluation.settings import EvaluationSettings
 from actors.maps.grid_map import GridMap
 from actors.simulators.beams import BeamPattern
 from actors.tasks import make_goal
@@ -71,7 +71,7 @@ def recount(results: LargeResults, episode: LargeEpisode, world: GridMap) -> lis
     return problems
 
 
-def _way(episode: LargeEpisode, track: NDArray[np.float64], world: GridMap, settings: LargeSettings) -> list[str]:
+def _way(episode: LargeEpisode, track: NDArray[np.float64], world: GridMap, settings: EvaluationSettings) -> list[str]:
     """Check distance, time, speed, and that every place is free."""
     problems = []
     steps = np.hypot(*np.diff(track[:, 1:3], axis=0).T)
@@ -93,7 +93,9 @@ def _way(episode: LargeEpisode, track: NDArray[np.float64], world: GridMap, sett
     return problems
 
 
-def _arrivals(episode: LargeEpisode, track: NDArray[np.float64], world: GridMap, settings: LargeSettings) -> list[str]:
+def _arrivals(
+    episode: LargeEpisode, track: NDArray[np.float64], world: GridMap, settings: EvaluationSettings
+) -> list[str]:
     """Check that the robot was at the targets that it is said to have reached, in their order."""
     problems = []
     goal = make_goal(settings.task)
@@ -113,7 +115,7 @@ def _arrivals(episode: LargeEpisode, track: NDArray[np.float64], world: GridMap,
     return problems
 
 
-def _look(track: NDArray[np.float64], world: GridMap, settings: LargeSettings) -> Seen:
+def _look(track: NDArray[np.float64], world: GridMap, settings: EvaluationSettings) -> Seen:
     """Scan from every place of a track, the lidar upright."""
     simulator, mapping = settings.simulator, settings.mapping
     lidar = GridLidar(BeamPattern(simulator.rays, mapping.sensor_range), simulator.lidar_layers, simulator.wall_height)

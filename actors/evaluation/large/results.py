@@ -9,9 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError
 
-from actors.evaluation.episode import Outcome
-from actors.evaluation.large.episode import LargeOutcome
-from actors.evaluation.large.settings import LargeSettings
+from actors.evaluation.outcome import Outcome
 from actors.evaluation.results import (
     PLACES,
     Coordinate,
@@ -25,8 +23,8 @@ from actors.evaluation.results import (
     TaskId,
     collect,
     read_record,
-    write_record,
 )
+from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.worlds import WorldSet
 from actors.maps.grid_map import GridMap
 from common.registry import refuse_modules
@@ -36,7 +34,7 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class LegResult(Record):
-    """The way to one target; see `actors.evaluation.large.episode.Leg`."""
+    """The way to one target; see `actors.evaluation.outcome.Leg`."""
 
     target: tuple[Coordinate, Coordinate]
     distance_m: Distance
@@ -146,34 +144,29 @@ class LargeResults(Record):
         )
 
 
-def episode_result(name: str, outcome: Outcome) -> LargeEpisode:
-    """Return an outcome as it stands in a results file."""
-    assert isinstance(outcome, LargeOutcome)
-    return LargeEpisode(
-        map=name,
-        distance_m=round(outcome.distance, PLACES),
-        time_s=outcome.time,
-        steps=outcome.steps,
-        success=outcome.success,
-        reason=outcome.reason,
-        collisions=outcome.collisions,
-        volume_m3=outcome.volume,
-        explored_rate=round(outcome.explored, 6),
-        decision_ms=[round(time, 3) for time in outcome.decision_ms],
-        waypoints=outcome.waypoints,
-        curve=outcome.curve,
-        track=[(time, x, y, yaw) for time, x, y, yaw in outcome.track],
-        legs=[LegResult(**leg) for leg in outcome.legs],
-    )
+def large_results(
+    settings: EvaluationSettings, planner: str, commit: str, worlds: int, named: Sequence[tuple[str, Outcome]]
+) -> LargeResults:
+    """Return the results of a planner.
 
-
-def write_large_results(path: Path, results: LargeResults) -> None:
-    """Write a results file, one episode per line; readers see the old file or the whole new one.
-
-    Raises:
-        ResultsError: the file cannot be written.
+    Args:
+        settings: of the evaluation.
+        planner: name.
+        commit: of the code that ran the episodes.
+        worlds: number of worlds that were to be done.
+        named: the names of the worlds, and how their episodes went.
     """
-    write_record(path, results, results.episodes)
+    return LargeResults(
+        task=settings.task.kind.name,
+        metres_per_pixel=settings.metres_per_pixel,
+        sensor_range_m=settings.mapping.sensor_range,
+        planner=planner,
+        commit=commit,
+        seed=settings.seed,
+        settings=settings.fingerprint(planner),
+        worlds=worlds,
+        episodes=[_episode(name, outcome) for name, outcome in named],
+    )
 
 
 def read_large_results(path: Path) -> LargeResults:
@@ -206,10 +199,10 @@ def worlds_of(results: LargeResults, names: Sequence[str]) -> dict[str, GridMap]
     return {name: worlds.load(number) for name, number in worlds.find(list(dict.fromkeys(names))).items()}
 
 
-def settings_of(results: LargeResults) -> LargeSettings:
+def settings_of(results: LargeResults) -> EvaluationSettings:
     """Return the settings that made a results file; `ResultsError` when they are none of this version."""
     try:
-        settings = LargeSettings.model_validate(results.settings)
+        settings = EvaluationSettings.model_validate({**results.settings, "large": True})
     except ValidationError as error:
         raise ResultsError(
             f"the settings of {results.planner!r} do not fit this version ({error.errors()[0]['msg']}): "
@@ -217,3 +210,22 @@ def settings_of(results: LargeResults) -> LargeSettings:
         ) from error
     refuse_modules(settings.named_parts(), (), f"the results file of {results.planner!r}", "install it as a package")
     return settings
+
+
+def _episode(name: str, outcome: Outcome) -> LargeEpisode:
+    return LargeEpisode(
+        map=name,
+        distance_m=round(outcome.distance, PLACES),
+        time_s=outcome.time,
+        steps=outcome.steps,
+        success=outcome.success,
+        reason=outcome.reason,
+        collisions=outcome.collisions,
+        volume_m3=outcome.volume,
+        explored_rate=round(outcome.explored, 6),
+        decision_ms=[round(time, 3) for time in outcome.decision_ms],
+        waypoints=outcome.waypoints,
+        curve=outcome.curve,
+        track=[(time, x, y, yaw) for time, x, y, yaw in outcome.track],
+        legs=[LegResult(**leg) for leg in outcome.legs],
+    )

@@ -2,30 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from actors.evaluation.large.lidar import GridLidar
 from actors.evaluation.large.voxels import VoxelMap
+from actors.evaluation.outcome import TrackPoint
 from actors.maps.grid_map import GridMap
 from actors.simulators.dynamic import DynamicSimulator
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.geometry import Pose, Scan
-
-
-class TrackPoint(NamedTuple):
-    """The robot at one scan.
-
-    Attributes:
-        time: simulated seconds since the start.
-        x: metres.
-        y: metres.
-        yaw: radians.
-    """
-
-    time: float
-    x: float
-    y: float
-    yaw: float
 
 
 class NotedSimulator(DynamicSimulator):
@@ -48,6 +31,11 @@ class NotedSimulator(DynamicSimulator):
     def elapsed(self) -> float:
         """Simulated seconds of driving since `begin`; the time in which the robot settles after a reset is none."""
         return self._elapsed + self.time - self._since
+
+    @property
+    def volume(self) -> float:
+        """Volume that it saw since `begin`, cubic metres."""
+        return 0.0 if self.voxels is None else self.voxels.volume
 
     def begin(self, world: GridMap) -> None:
         """Begin a new episode with an empty notebook."""

@@ -7,7 +7,7 @@ import time
 
 from actors.evaluation.results import DecisionTime, EpisodeResult, Results
 from actors.evaluation.settings import EvaluationSettings
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.planners.base import Plan, Status
 from common.planners.greedy import GreedyPlanner
 

@@ -5,7 +5,7 @@ from typer.testing import CliRunner
 
 from actors.evaluation.cli import app
 from actors.evaluation.results import DecisionTime, EpisodeResult, Results, write_results
-from common.config.schema import MappingConfig, NetworkConfig
+from common.config import MappingConfig, NetworkConfig
 from common.network.parameters import initial_parameters
 from common.policy_file import PolicyCard, read_policy, write_policy
 

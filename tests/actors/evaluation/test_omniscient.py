@@ -10,7 +10,7 @@ from actors.evaluation.route_graph import RouteGraph
 from actors.maps.generators import make_generator
 from actors.simulators.grid import GridSimulator
 from actors.tasks import make_goal
-from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
+from common.config import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
 from common.errors import MapError
 from common.mapping.mapper import Mapper
 from common.planners.greedy import GreedyPlanner

@@ -11,7 +11,7 @@ from actors.evaluation.results import Results
 from actors.maps.sources import open_sources
 from actors.simulators.grid import GridSimulator
 from actors.tasks import make_goal
-from common.config.schema import RewardConfig
+from common.config import RewardConfig
 from common.planners.greedy import GreedyPlanner
 from tests.actors.evaluation.small import MAPS, results, settings
 

@@ -2,8 +2,8 @@ import json
 
 import pytest
 
-from actors.evaluation.episode import Place, crashed
 from actors.evaluation.journal import Journal
+from actors.evaluation.outcome import Place, crashed
 from actors.evaluation.results import ResultsError, read_results
 from actors.evaluation.runner import Evaluation
 from actors.evaluation.worker import Worker

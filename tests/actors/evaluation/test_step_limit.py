@@ -4,7 +4,7 @@ import pytest
 from actors.evaluation.step_limit import looks, needed_steps, step_limit, warn_of_limit
 from actors.maps.layout import build_map
 from actors.maps.sources import open_sources
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 
 
 def room(width, height, inside=()):

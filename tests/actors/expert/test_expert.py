@@ -14,7 +14,7 @@ from actors.expert.visibility import look_from_all
 from actors.maps.sources import open_sources
 from actors.simulators.grid import GridSimulator
 from actors.tasks import make_goal
-from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
+from common.config import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
 from common.errors import HDError
 from common.messages.experience import End
 from common.tours.local_search import tour_length

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from actors.expert.true_graph import TrueGraph
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.errors import MapError
 from tests.actors.worlds import draw
 

@@ -12,7 +12,7 @@ from actors.maps.sources import (
     in_validation,
     open_sources,
 )
-from common.config.schema import MapsConfig
+from common.config import MapsConfig
 from common.errors import MapError
 from tests.actors.maps.images import simple
 

@@ -8,7 +8,7 @@ pytest.importorskip("pybullet", reason="PyBullet is not installed")
 from actors.simulators.dynamic import DynamicSimulator
 from actors.simulators.grid import GridSimulator
 from actors.simulators.kinematic import KinematicSimulator
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from tests.actors.simulators.worlds import RANGE, ROUTE, agreement, empty_belief, filled, rooms
 
 

@@ -10,7 +10,7 @@ from actors.simulators.bullet import pybullet
 from actors.simulators.dynamic import CONTROL_INTERVAL, DynamicSimulator
 from actors.simulators.physics_world import PhysicsWorld
 from actors.simulators.robot import Robot
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.errors import SimulatorError
 from tests.actors.simulators.worlds import RANGE, ROUTE, at, block, hall, rooms
 

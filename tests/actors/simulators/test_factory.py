@@ -6,7 +6,7 @@ import pytest
 
 from actors.simulators.factory import make_simulator
 from actors.simulators.grid import GridSimulator
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.errors import HDError, SimulatorError
 from tests.actors.simulators.worlds import RANGE, hall
 
@@ -14,7 +14,7 @@ from tests.actors.simulators.worlds import RANGE, hall
 def test_the_grid_simulator_imports_no_pybullet():
     code = (
         "import sys; from actors.simulators.factory import make_simulator; "
-        "from common.config.schema import SimulatorConfig; "
+        "from common.config import SimulatorConfig; "
         "make_simulator(SimulatorConfig(name='grid'), 20.0); sys.exit('pybullet' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0

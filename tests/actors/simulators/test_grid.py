@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from actors.simulators.grid import GridSimulator
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.errors import SimulatorError
 from tests.actors.simulators.worlds import RANGE, at, block, hall
 

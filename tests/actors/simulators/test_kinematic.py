@@ -8,7 +8,7 @@ pytest.importorskip("pybullet", reason="PyBullet is not installed")
 
 from actors.simulators.bullet import pybullet
 from actors.simulators.kinematic import KinematicSimulator
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.errors import ConfigError, SimulatorError
 from tests.actors.simulators.worlds import RANGE, at, block, hall, make_world, rooms
 

@@ -6,7 +6,7 @@ pytest.importorskip("pybullet", reason="PyBullet is not installed")
 
 from actors.simulators.kinematic import KinematicSimulator
 from actors.simulators.view import render
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from tests.actors.simulators.worlds import RANGE, at, hall, rooms
 
 

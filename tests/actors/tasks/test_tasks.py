@@ -5,7 +5,7 @@ import pytest
 
 from actors.tasks import ExplorationGoal, NavigationGoal, make_goal
 from actors.tasks.coverage import Coverage
-from common.config.schema import TaskConfig
+from common.config import TaskConfig
 from common.errors import MapError
 from common.geometry import Pose
 from tests.actors.worlds import draw

@@ -9,7 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-from common.config.schema import BusConfig
+from common.config import BusConfig
 
 ROOT = Path(__file__).parents[3]
 

@@ -18,7 +18,7 @@ from common.bus.session import open_client_session, open_learner_session
 from common.bus.spec import SpecServer
 from common.bus.stats import StatsTable
 from common.bus.weights import WeightsPublisher, WeightsPuller
-from common.config.schema import BusConfig
+from common.config import BusConfig
 from common.messages.replies import Spec
 from contextlib import ExitStack
 from common.messages.experience import EpisodeReport

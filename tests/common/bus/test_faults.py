@@ -18,7 +18,7 @@ LEARNER = """
 import os, sys
 from common.bus.experience import ExperienceServer, SeenSet
 from common.bus.session import new_incarnation, open_learner_session
-from common.config.schema import BusConfig
+from common.config import BusConfig
 
 endpoint, path = sys.argv[1:]
 seen = SeenSet()
@@ -45,7 +45,7 @@ from common.bus.experience import ExperienceSender
 from common.bus.liveness import declare_presence
 from common.bus.session import open_client_session
 from common.bus.weights import WeightsPuller
-from common.config.schema import BusConfig
+from common.config import BusConfig
 
 with (
     open_client_session(BusConfig(listen=sys.argv[1], lease=float(sys.argv[2]))) as session,

@@ -13,7 +13,7 @@ import pytest
 
 from common.bus.session import open_client_session, open_learner_session
 from common.bus.spec import SpecServer, fetch_spec
-from common.config.schema import BusConfig
+from common.config import BusConfig
 from common.errors import BusError
 from common.messages.replies import Spec
 from learner.certificates import write_pki
@@ -127,7 +127,7 @@ def test_the_port_is_free_once_its_learner_is_killed(pki):
     code = """
 import sys
 from common.bus.session import open_learner_session
-from common.config.schema import BusConfig
+from common.config import BusConfig
 with open_learner_session(BusConfig.model_validate_json(sys.argv[1])):
     print("ready", flush=True)
     sys.stdin.read()

@@ -8,7 +8,7 @@ import pytest
 from common.bus.endpoint import is_loopback
 from common.bus.session import open_client_session, open_learner_session
 from common.bus.spec import SpecServer, fetch_spec, list_runs
-from common.config.schema import BusConfig
+from common.config import BusConfig
 from common.errors import BusError
 from common.messages.replies import Spec
 from tests.common.bus.processes import free_port, loopback

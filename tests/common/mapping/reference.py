@@ -12,7 +12,7 @@ from math import ceil, cos, floor, hypot, inf, isnan, pi, sin, sqrt
 
 import numpy as np
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.geometry import Pose, Scan
 
 UNIT = 65536

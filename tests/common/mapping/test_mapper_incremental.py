@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.errors import MappingError
 from common.geometry import Pose, Scan
 from common.mapping.mapper import Mapper

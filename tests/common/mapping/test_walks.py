@@ -9,7 +9,7 @@ import pytest
 
 from actors.maps.connectivity import label_regions, reachable
 from actors.maps.image_map import load_image
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from tests.common.mapping.walks import Walk
 from tests.plans import RADIUS, RESOLUTION, SPACING, all_plans, clear_cells
 

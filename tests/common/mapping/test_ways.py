@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from actors.maps.connectivity import reachable
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.errors import MappingError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper

@@ -6,7 +6,7 @@ import numpy as np
 
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from tests.common.mapping.worlds import scan_of

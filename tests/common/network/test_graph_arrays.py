@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.network import reduction
 from common.network.graph_arrays import GraphArrays
 from common.observation_index import neighbour_table

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.network.graph_arrays import GraphArrays
 from common.observation import ObservationBatch
 from common.policy_file import read_policy

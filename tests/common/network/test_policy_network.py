@@ -8,7 +8,7 @@ import torch
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.network.attention import CrossAttention, EdgeAttention, cross_attention, edge_attention
 from common.network.graph_batch import GraphBatch
 from common.network.parameters import parameter_shapes

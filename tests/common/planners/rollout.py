@@ -14,7 +14,7 @@ from actors.maps.grid_map import GridMap
 from actors.simulators.grid import GridSimulator
 from actors.tasks import make_goal
 from actors.tasks.coverage import Coverage
-from common.config.schema import MappingConfig, SimulatorConfig, TaskConfig
+from common.config import MappingConfig, SimulatorConfig, TaskConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Planner, Status

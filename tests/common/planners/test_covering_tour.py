@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from actors.maps.generators import make_generator
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.errors import ConfigError
 from common.planners.base import Position, Status
 from common.planners.registry import make_planner

@@ -6,7 +6,7 @@ from actors.environment import Environment
 from actors.maps.generators import make_generator
 from actors.simulators.grid import GridSimulator
 from actors.tasks import make_goal
-from common.config.schema import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
+from common.config import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
 from common.mapping.mapper import Mapper
 from common.messages.experience import End
 from common.planners.base import TaskName

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Planner, Status

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from actors.maps.generators import make_generator
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.planners.registry import make_planner
 from tests.common.planners.rollout import explore
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from actors.maps.grid_map import GridMap
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.errors import ConfigError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from actors.maps.grid_map import GridMap
-from common.config.schema import MappingConfig, NetworkConfig
+from common.config import MappingConfig, NetworkConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.network.parameters import initial_parameters

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from common.config.schema import MappingConfig, NetworkConfig
+from common.config import MappingConfig, NetworkConfig
 from common.errors import CheckpointError, ConfigError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper

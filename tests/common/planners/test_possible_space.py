@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.mapping.belief import Belief
 from common.mapping.clearance import Clearance
 from common.mapping.sight import FREE, NOTHING_LOST, OCCUPIED, UNKNOWN

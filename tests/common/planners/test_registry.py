@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.errors import ConfigError
 from common.planners.registry import PLANNERS, make_planner, planner_names, shipped_tasks_of
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.planners.registry import make_planner
 from tests.common.planners.rollout import explore
 from tests.plans import office_floor

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from actors.maps.grid_map import GridMap
 from actors.simulators.grid import GridSimulator
-from common.config.schema import MappingConfig, SimulatorConfig
+from common.config import MappingConfig, SimulatorConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from tests.common.planners.rollout import drawn

@@ -4,7 +4,7 @@ from math import atan2, cos, sin
 
 from actors.maps.grid_map import GridMap
 from actors.simulators.grid import GridSimulator
-from common.config.schema import MappingConfig, SimulatorConfig
+from common.config import MappingConfig, SimulatorConfig
 from common.errors import SimulatorError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper

@@ -8,7 +8,7 @@ from math import atan2, cos, sin
 
 from actors.simulators.grid import GridSimulator
 from common.closing import Closing
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.errors import SimulatorError
 from common.geometry import Pose
 from deploy.bridge.bridge import Bridge

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from actors.maps.grid_map import GridMap
-from common.config.schema import MappingConfig
+from common.config import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Status

@@ -7,7 +7,7 @@ import pytest
 
 from actors.maps.sources import open_sources
 from actors.simulators.dynamic import CONTROL_INTERVAL, DynamicSimulator
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.geometry import Pose, Scan
 from deploy.config import DrivingConfig
 from deploy.driving import LocalPlanner

@@ -5,7 +5,7 @@ import pytest
 
 from actors.maps.sources import open_sources
 from actors.simulators.grid import GridSimulator
-from common.config.schema import MappingConfig, SimulatorConfig
+from common.config import MappingConfig, SimulatorConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from deploy.mapping.robot_map import RobotMap

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.features import FEATURE_NAMES
 from common.messages.validation import check_choices, check_observations
 from common.network.graph_arrays import GraphArrays

@@ -7,7 +7,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from common.config.schema import NetworkConfig
+from common.config import NetworkConfig
 from common.network.graph_batch import GraphBatch
 from learner.algorithm.critic import HierarchicalCritic
 from tests.common.network.dense import dense_batch, dense_critic

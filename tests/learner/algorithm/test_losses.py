@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import torch
 
-from common.config.schema import CloningConfig, NetworkConfig
+from common.config import CloningConfig, NetworkConfig
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyOutput
 from common.observation import Observation, ObservationBatch

@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import nn
 
-from common.config.schema import AdamConfig
+from common.config import AdamConfig
 from common.errors import CheckpointError
 from learner.algorithm.optimisers import Optimiser, blend, scheduled_rate
 

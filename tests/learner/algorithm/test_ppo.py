@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from common.config.schema import RunConfig
+from common.config import RunConfig
 from common.errors import CheckpointError
 from common.network.graph_batch import GraphBatch
 from learner.algorithm.base import NotFiniteError

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import torch
 
+from common.config import RunConfig
 from common.config.load import resolve
-from common.config.schema import RunConfig
 from common.errors import ConfigError
 from common.network.graph_arrays import GraphArrays
 from common.policy import Policy

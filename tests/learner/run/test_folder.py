@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from common.config.schema import LearnerConfig, RunConfig
+from common.config import LearnerConfig, RunConfig
 from common.errors import CheckpointError
 from learner.run.folder import RunFolder, check_run
 
@@ -86,7 +86,7 @@ def test_two_learners_cannot_work_on_one_run(tmp_path):
 
 def test_the_lock_dies_with_its_process(tmp_path):
     program = (
-        "import os, sys; from pathlib import Path; from common.config.schema import RunConfig; "
+        "import os, sys; from pathlib import Path; from common.config import RunConfig; "
         "from learner.run.folder import RunFolder; "
         "run = RunFolder.create(Path(sys.argv[1]), RunConfig(name='a')); os.kill(os.getpid(), 9)"
     )

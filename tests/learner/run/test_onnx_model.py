@@ -8,7 +8,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from common.config.schema import MappingConfig, NetworkConfig
+from common.config import MappingConfig, NetworkConfig
 from common.errors import CheckpointError, WeightsError
 from common.extras import MissingPackageError
 from common.network.graph_arrays import GraphArrays

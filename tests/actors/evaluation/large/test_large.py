@@ -11,10 +11,10 @@ pytest.importorskip("pybullet")
 
 from actors.evaluation.cli import app
 from actors.evaluation.large.results import read_large_results
-from actors.evaluation.large.settings import LIDAR, TRACKING_ROOM
+from actors.evaluation.large.robot import LIDAR, TRACKING_ROOM
 from actors.maps.grid_map import GridMap
 from actors.simulators.dynamic import DynamicSimulator
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.geometry import Pose
 
 SMALL = "generator:building?width=192&height=192&lobbies=1"

@@ -3,11 +3,11 @@ import pytest
 
 pytest.importorskip("pybullet")
 
-from actors.evaluation.large.settings import LIDAR
+from actors.evaluation.large.robot import LIDAR
 from actors.evaluation.large.simulator import NotedSimulator
 from actors.maps.generators import make_generator
 from actors.simulators.dynamic import DynamicSimulator
-from common.config.schema import SimulatorConfig
+from common.config import SimulatorConfig
 from common.geometry import Pose
 
 

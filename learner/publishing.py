@@ -1,0 +1,66 @@
+"""Policy versions on their way to the actors."""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+
+from common.errors import StorageError
+from learner.algorithm.base import Algorithm, PublishedVersion
+from learner.ingest import Ingest
+from learner.run.best import BestPolicy
+
+_REMEMBERED_VERSIONS = 4096
+
+
+class Publisher:
+    """Sends policy versions to the actors, and knows since when each has been replaced.
+
+    Args:
+        algorithm: has the weights.
+        best: keeps what is published until its evaluation has come.
+        send: sends a version to the actors; must not wait for them.
+        averaged: evaluation uses the moving average of the weights.
+
+    Attributes:
+        overdue: the disk refused to note the last version, so it was not sent.
+    """
+
+    def __init__(
+        self, algorithm: Algorithm, best: BestPolicy, send: Callable[[PublishedVersion], None], *, averaged: bool
+    ) -> None:
+        self._algorithm = algorithm
+        self._best = best
+        self._send = send
+        self._averaged = averaged
+        self._published_at: OrderedDict[int, float] = OrderedDict()
+        self.overdue = False
+
+    def publish(self, ingest: Ingest, updates: int) -> None:
+        """Send the newest policy under a new version number; not at all when the disk refuses to note that.
+
+        Args:
+            ingest: notes the number, so that no later process uses it again.
+            updates: that the policy has had.
+        """
+        version = ingest.version + 1
+        try:
+            ingest.note_version(version)
+        except StorageError:
+            self.overdue = True
+            return
+        self.overdue = False
+        averaged = self._algorithm.policy_weights(averaged=True) if self._averaged else None
+        published = PublishedVersion(version, updates, self._algorithm.policy_weights(averaged=False), averaged)
+        acting = published.weights if averaged is None else averaged
+        self._best.remember(version, updates, acting, ingest.versions_under_evaluation)
+        self._published_at[version] = time.monotonic()
+        while len(self._published_at) > _REMEMBERED_VERSIONS:
+            self._published_at.popitem(last=False)
+        self._send(published)
+
+    def superseded_for(self, version: int) -> float:
+        """Seconds for which a policy version has not been the newest; 0 for the newest and for unknown ones."""
+        at = self._published_at.get(version + 1)
+        return 0.0 if at is None else time.monotonic() - at

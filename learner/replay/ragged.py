@@ -1,0 +1,54 @@
+"""What of a chunk differs in size from observation to observation, laid out for the rings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.messages.experience import Chunk
+from common.observation_index import waypoint_counts
+from learner.replay.memory import KINDS
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RaggedParts:
+    """What of a chunk of k observations goes into the rings.
+
+    Attributes:
+        arrays: the columns of each ring.
+        choices: number of waypoints of each observation, int32, shape (k,).
+        length: rows of each observation in each ring, int32, shape (k, 6).
+        ends: first row of each observation in the arrays, then their number of rows, int64, shape (k + 1, 6).
+    """
+
+    arrays: tuple[tuple[NDArray[Any], ...], ...]
+    choices: NDArray[np.int32]
+    length: NDArray[np.int32]
+    ends: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, chunk: Chunk) -> RaggedParts:
+        """Lay out a chunk."""
+        batch, labels = chunk.observations, chunk.labels
+        choices = waypoint_counts(batch)
+        costs = np.zeros(len(batch), dtype=np.int32)
+        if labels is not None:
+            costs[: chunk.steps] = choices[: chunk.steps]
+        length = np.stack(
+            [batch.count, batch.edge_count, batch.bent_count, batch.link_count, batch.route_count, costs], axis=1
+        )
+        ends = np.zeros((len(batch) + 1, len(KINDS)), dtype=np.int64)
+        np.cumsum(length, axis=0, out=ends[1:])
+        marks = batch.visited + 2 * batch.beacon.view(np.uint8)
+        arrays = (
+            (batch.offsets, batch.utility, marks, batch.degree),
+            (batch.neighbours,),
+            (batch.bent, batch.bent_length),
+            (batch.target_links,),
+            (batch.route,),
+            (np.zeros(0, dtype=np.float32) if labels is None else labels.cost,),
+        )
+        return cls(arrays, choices, length, ends)
