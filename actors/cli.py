@@ -21,10 +21,10 @@ from common.config import BusConfig
 from common.errors import ConfigError
 from common.extensions import SIMULATORS
 from common.ids import check_id
-from common.logs import setup_logging
 from common.messages.replies import Spec
-from common.reaper import Reaper
-from common.runtime import process_environment, python_module
+from common.system.logs import setup_logging
+from common.system.reaper import Reaper
+from common.system.runtime import process_environment, python_module
 
 log = logging.getLogger(__name__)
 

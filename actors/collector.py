@@ -19,7 +19,7 @@ from actors.transition_recorder import TransitionRecorder
 from common.config import MappingConfig, RunConfig
 from common.errors import MapError
 from common.messages.experience import Chunk, EpisodeReport
-from common.policy import Policy
+from common.policies.policy import Policy
 
 log = logging.getLogger(__name__)
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from actors.environment import Environment
 from common.messages.experience import MIN_PROBABILITY
-from common.observation import Observation
-from common.policy import Policy
+from common.observations.observation import Observation
+from common.policies.policy import Policy
 
 NO_VERSION = -1
 

@@ -17,7 +17,7 @@ from common.config import MappingConfig, RewardConfig
 from common.errors import ConfigError, HDError, MapError
 from common.mapping.mapper import Mapper
 from common.messages.experience import End
-from common.observation import Observation
+from common.observations.observation import Observation
 from common.planners.base import Position
 from common.planners.reference import ReferenceRoute
 

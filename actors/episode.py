@@ -11,7 +11,7 @@ from actors.environment import Environment
 from actors.maps.grid_map import GridMap
 from actors.transition_recorder import TransitionRecorder
 from common.messages.experience import End, EpisodeReport
-from common.printable import printable
+from common.system.printable import printable
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,8 +14,8 @@ import threading
 
 from actors.options import ActorOptions
 from common.errors import HDError
-from common.logs import setup_logging
-from common.signals import on_signals, terminate_with_parent
+from common.system.logs import setup_logging
+from common.system.signals import on_signals, terminate_with_parent
 
 log = logging.getLogger(__name__)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from common.messages.experience import End
-from common.observation import Observation
+from common.observations.observation import Observation
 
 
 @dataclass(frozen=True, slots=True)

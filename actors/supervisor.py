@@ -13,11 +13,11 @@ from collections.abc import Sequence
 
 from actors.options import ActorOptions
 from actors.process import EXIT_UNUSABLE
-from common.printable import printable
-from common.reaper import Reaper
-from common.runtime import process_environment, python_module
-from common.signals import on_signals
-from common.threads import guarded
+from common.system.printable import printable
+from common.system.reaper import Reaper
+from common.system.runtime import process_environment, python_module
+from common.system.signals import on_signals
+from common.system.threads import guarded
 
 log = logging.getLogger(__name__)
 

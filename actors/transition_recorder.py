@@ -10,7 +10,7 @@ from actors.driver import Choice
 from actors.expert import ExpertLabel
 from actors.step import Step
 from common.messages.experience import Chunk, End, ExpertLabels
-from common.observation import Observation, ObservationBatch
+from common.observations.observation import Observation, ObservationBatch
 
 
 class TransitionRecorder:

@@ -23,12 +23,12 @@ from actors.simulators.factory import make_simulator
 from actors.tasks import make_goal
 from actors.transition_recorder import TransitionRecorder
 from common.config import MappingConfig, NetworkConfig, RewardConfig, SimulatorConfig, TaskConfig
-from common.jit import forget_old_caches
 from common.mapping.warmup import warm_up as warm_up_mapping
 from common.messages.experience import Chunk, Delivery
 from common.messages.schema import encode
 from common.planners.reference import ReferenceRoute
-from common.policy import Policy
+from common.policies.policy import Policy
+from common.system.jit import forget_old_caches
 from common.tasks import BOTH
 
 

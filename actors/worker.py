@@ -26,8 +26,8 @@ from common.messages.replies import Spec
 from common.messages.stats import ActorStats
 from common.messages.weights import Weights
 from common.network.parameters import parameter_shapes
-from common.printable import printable
-from common.threads import Ticker
+from common.system.printable import printable
+from common.system.threads import Ticker
 
 log = logging.getLogger(__name__)
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from rich.table import Table
 
 from common.cli import output_console
-from common.runtime import process_environment
+from common.system.runtime import process_environment
 
 # Part, what it measures, threads of the numerical libraries (None: all cores, as in the learner).
 PARTS: dict[str, tuple[str, int | None]] = {

@@ -26,7 +26,7 @@ from actors.environment import Environment
 from common.config import RunConfig
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.messages.schema import encode
-from common.observation import Observation
+from common.observations.observation import Observation
 
 SMALL = {"width": 64, "layers": 3, "heads": 4}
 PAPER = {"width": 128, "layers": 6, "heads": 8}

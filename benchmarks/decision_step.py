@@ -21,7 +21,7 @@ from common.geometry import Pose, Scan
 from common.mapping.mapper import Mapper
 from common.mapping.raycast import cast_rays, ray_angles
 from common.mapping.warmup import warm_up
-from common.observation import Observation
+from common.observations.observation import Observation
 
 PUBLIC_MAPS = Path("../shared/data/maps/exploration/bench")
 BEAMS = 720

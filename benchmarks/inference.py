@@ -21,8 +21,8 @@ from common.network.graph_batch import GraphBatch
 from common.network.onnx_network import OnnxNetwork
 from common.network.parameters import initial_parameters
 from common.network.policy_network import PolicyNetwork
-from common.observation import Observation, ObservationBatch
-from common.policy import Policy
+from common.observations.observation import Observation, ObservationBatch
+from common.policies.policy import Policy
 from learner.run.onnx_model import onnx_model
 from tests.observations import random_observation
 

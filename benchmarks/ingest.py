@@ -18,9 +18,9 @@ from common.messages.experience import Chunk, Delivery, End, ExpertLabels
 from common.messages.schema import decode, encode
 from common.messages.validation import check_observations
 from common.messages.weights import Weights
-from common.observation import ObservationBatch
-from common.observation_index import neighbour_table
-from common.runtime import process_environment
+from common.observations.index import neighbour_table
+from common.observations.observation import ObservationBatch
+from common.system.runtime import process_environment
 from tests.observations import random_observation
 
 STEPS = 16

@@ -14,7 +14,7 @@ import numpy as np
 
 from common.messages.experience import Chunk, Delivery, End
 from common.messages.schema import decode, encode
-from common.observation import Observation, ObservationBatch
+from common.observations.observation import Observation, ObservationBatch
 from learner.replay.buffer import ReplayBuffer
 from tests.observations import random_observation
 

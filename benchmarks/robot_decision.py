@@ -23,10 +23,10 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.network.parameters import initial_parameters
 from common.planners.base import Plan, Planner
-from common.planners.greedy import GreedyPlanner
+from common.planners.exploration.greedy import GreedyPlanner
 from common.planners.learned import LearnedPlanner
-from common.policy import Policy
-from common.policy_file import PolicyCard
+from common.policies.policy import Policy
+from common.policies.policy_file import PolicyCard
 from deploy.bridge.decision import DecisionLoop
 from deploy.bridge.mission import Mission
 from deploy.bridge.planner_selector import make_planners, with_planning_set

@@ -28,7 +28,7 @@ from rich.table import Table
 from benchmarks.soak_faults import FAULTS, Fault, breaking
 from benchmarks.soak_rig import START_SECONDS, Rig, SoakError
 from benchmarks.soak_robot import standstill, way
-from common.logs import setup_logging
+from common.system.logs import setup_logging
 from deploy.robot.options import RobotOptions
 
 log = logging.getLogger(__name__)

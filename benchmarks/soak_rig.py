@@ -18,9 +18,9 @@ import psutil
 
 from benchmarks.soak_robot import Link, SoakRobot
 from common.bus.control import request
-from common.closing import Closing
 from common.errors import HDError
-from common.runtime import process_environment, python_module
+from common.system.closing import Closing
+from common.system.runtime import process_environment, python_module
 from deploy.profiles import load_deploy_config
 from deploy.robot.deployment import free_endpoint
 from deploy.robot.options import RobotOptions
@@ -208,7 +208,7 @@ class Rig(Closing):
         )
         with (self._folder / f"{name}.log").open(mode, encoding="utf-8") as out:
             return subprocess.Popen(
-                python_module("common.tethered", str(os.getpid()), *command),
+                python_module("common.system.tethered", str(os.getpid()), *command),
                 stdin=subprocess.DEVNULL,
                 stdout=out,
                 stderr=out,

@@ -18,8 +18,8 @@ import numpy as np
 from actors.maps.clear_space import clear_space
 from actors.maps.connectivity import reachable
 from actors.maps.grid_map import GridMap
-from common.closing import Closing
 from common.planners.base import Position
+from common.system.closing import Closing
 from deploy.config import DeployConfig
 from deploy.robot.interface import RobotInterface
 from deploy.robot.options import RobotOptions

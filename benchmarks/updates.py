@@ -3,9 +3,9 @@
 `python -m benchmarks.updates [--repeats N]`: for both sizes updates of soft actor-critic, proximal policy
 optimisation and imitation, in fp32 on the whole graph, in bfloat16, and in bfloat16 on the reduced graph, which is
 how the shipped policies are trained. Times are processor seconds of one thread, so that other work on the machine
-takes little part; run it with OMP_NUM_THREADS=1 and the malloc settings of `common.runtime`. The dense figures are
-forward and backward of the policy alone: the padded, masked fp32 implementation of the tests against ours on the same
-batch.
+takes little part; run it with OMP_NUM_THREADS=1 and the malloc settings of `common.system.runtime`. The dense figures
+are forward and backward of the policy alone: the padded, masked fp32 implementation of the tests against ours on the
+same batch.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from benchmarks.inference import SIZES, fastest
 from common.config import NetworkConfig, RunConfig
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyNetwork
-from common.observation import ObservationBatch
+from common.observations.observation import ObservationBatch
 from learner.algorithm.factory import make_learner
 from tests.common.network.dense import dense_batch, dense_policy
 

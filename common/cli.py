@@ -15,9 +15,9 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from common.errors import HDError
-from common.extras import MissingPackageError, extras_with, package_of
-from common.printable import printable
 from common.registry import Registry
+from common.system.extras import MissingPackageError, extras_with, package_of
+from common.system.printable import printable
 
 P = ParamSpec("P")
 R = TypeVar("R")

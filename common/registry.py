@@ -52,7 +52,8 @@ class Registry:
 
     Usage::
 
-        REGISTRY = Registry("planner", "hdplanner.planners", {"tour": Entry("common.planners.tour:Tour", "a tour")})
+        tour = Entry("common.planners.exploration.tour:Tour", "a tour")
+        REGISTRY = Registry("planner", "hdplanner.planners", {"tour": tour})
         factory = REGISTRY.load("tour")
 
     Attributes:

@@ -18,7 +18,7 @@ from common.bus.fleet import Answers, bridges_at, command_all
 from common.cli import CommandApp, add_version, command_errors, output_console, whole_table
 from common.config.describe import to_markdown, to_toml
 from common.errors import BusError, ConfigError
-from common.logs import setup_logging
+from common.system.logs import setup_logging
 from common.tasks import NAVIGATION, find_task
 from deploy.bridge.command_text import CommandError, parse, release_of
 from deploy.config import DeployConfig

@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from common.geometry import Pose as Pose
     from common.geometry import Scan as Scan
     from common.mapping.mapper import Mapper as Mapper
-    from common.observation import Observation as Observation
+    from common.observations.observation import Observation as Observation
     from common.planners.base import Plan as Plan
     from common.planners.base import Planner as Planner
     from common.planners.base import Status as Status
     from common.planners.registry import make_planner as make_planner
     from common.planners.viewpoint_planner import ViewpointPlanner as ViewpointPlanner
-    from common.policy import Policy as Policy
+    from common.policies.policy import Policy as Policy
     from common.tasks import EXPLORATION as EXPLORATION
     from common.tasks import NAVIGATION as NAVIGATION
     from common.tasks import Task as Task
@@ -58,10 +58,10 @@ _HOMES: Final = {
     "Mapper": "common.mapping.mapper",
     "MappingConfig": "common.config",
     "NavigationGoal": "actors.tasks",
-    "Observation": "common.observation",
+    "Observation": "common.observations.observation",
     "Plan": "common.planners.base",
     "Planner": "common.planners.base",
-    "Policy": "common.policy",
+    "Policy": "common.policies.policy",
     "Pose": "common.geometry",
     "RunConfig": "common.config",
     "Scan": "common.geometry",

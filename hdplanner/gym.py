@@ -45,7 +45,7 @@ from common.config import RunConfig
 from common.config.load import load_config
 from common.errors import ConfigError, HDError, MapError
 from common.messages.experience import End
-from common.observation import Observation
+from common.observations.observation import Observation
 
 FEATURES = 6
 # Bounds of a node's features: far beyond any building, and the most that a utility can be.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from common.policy import Policy
-from common.policy_file import PolicyCard, read_policy
-from common.shipped import shipped_policy
+from common.policies.policy import Policy
+from common.policies.policy_file import PolicyCard, read_policy
+from common.policies.shipped import shipped_policy
 
 
 def load_policy(path: str | Path | None = None, *, task: str = "exploration") -> tuple[Policy, PolicyCard]:

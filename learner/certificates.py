@@ -12,9 +12,9 @@ from typing import Any
 
 import trustme
 
-from common.documents import read_json
 from common.errors import ConfigError
 from common.ids import check_id
+from common.system.documents import read_json
 
 log = logging.getLogger(__name__)
 

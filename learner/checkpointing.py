@@ -13,7 +13,7 @@ import torch
 
 from common.config import RunConfig
 from common.errors import CheckpointError
-from common.policy_file import PolicyCard
+from common.policies.policy_file import PolicyCard
 from learner.algorithm.base import Algorithm
 from learner.ingest import Ingest
 from learner.run.checkpoints import EXPORT_PREFIX, Checkpoint, CheckpointStore

@@ -19,8 +19,8 @@ from common.config.describe import to_markdown, to_toml
 from common.config.load import load_config, preset_names
 from common.errors import CheckpointError, ConfigError, StorageError
 from common.extensions import SIMULATORS
-from common.logs import log_file, setup_logging
-from common.runtime import restart_prepared
+from common.system.logs import log_file, setup_logging
+from common.system.runtime import restart_prepared
 from learner.map_check import check_maps
 from learner.remote_cli import add_remote_commands
 

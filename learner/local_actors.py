@@ -9,11 +9,11 @@ import subprocess
 import threading
 from collections.abc import Sequence
 
-from common.closing import Closing
 from common.config import BusConfig
 from common.errors import ConfigError
-from common.runtime import process_environment, python_module
-from common.threads import guarded
+from common.system.closing import Closing
+from common.system.runtime import process_environment, python_module
+from common.system.threads import guarded
 
 logger = logging.getLogger(__name__)
 actor_log = logging.getLogger("actors")
@@ -59,7 +59,7 @@ class LocalActors(Closing):
         self._number = number
         self._stopping = False
         self._process = subprocess.Popen(
-            python_module("common.tethered", str(os.getpid()), *command),
+            python_module("common.system.tethered", str(os.getpid()), *command),
             env=process_environment(threads=1),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

@@ -8,7 +8,7 @@ import subprocess
 from common.config import RunConfig
 from common.errors import ConfigError
 from common.extensions import GENERATOR_PREFIX
-from common.runtime import python_module
+from common.system.runtime import python_module
 
 logger = logging.getLogger(__name__)
 

@@ -16,15 +16,15 @@ from common.bus.session import new_incarnation, open_learner_session, wait_for_r
 from common.bus.spec import SpecServer, specs_of
 from common.bus.stats import StatsTable, publish_stats
 from common.bus.weights import WeightsPublisher
-from common.closing import Closing
 from common.config import RunConfig
 from common.config.names import module_names
 from common.errors import BusError
 from common.messages.replies import Spec
 from common.messages.weights import Weights
-from common.runtime import cores_left, limit_threads
-from common.signals import stopping_signals
-from common.threads import Ticker
+from common.system.closing import Closing
+from common.system.runtime import cores_left, limit_threads
+from common.system.signals import stopping_signals
+from common.system.threads import Ticker
 from learner.algorithm.base import PublishedVersion
 from learner.algorithm.device import choose_device
 from learner.algorithm.factory import make_learner

@@ -14,8 +14,8 @@ from rich.console import Console
 from actors.collector import Collector
 from common.errors import StorageError
 from common.messages.experience import Chunk, Delivery, EpisodeReport
-from common.runtime import limit_threads
-from common.signals import stopping_signals
+from common.system.runtime import limit_threads
+from common.system.signals import stopping_signals
 from learner.algorithm.base import Algorithm, PublishedVersion
 from learner.algorithm.device import choose_device
 from learner.algorithm.factory import make_learner

@@ -12,7 +12,7 @@ import numpy as np
 
 from common.errors import StorageError
 from common.network.parameters import with_features
-from common.policy_file import read_weights
+from common.policies.policy_file import read_weights
 from learner.algorithm.base import Algorithm, NotFiniteError, PublishedVersion
 from learner.algorithm.batch import TransitionBatch
 from learner.checkpointing import Checkpointer

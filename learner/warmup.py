@@ -14,7 +14,7 @@ import torch
 from common.config import RunConfig
 from common.messages.experience import Chunk, Delivery, End, ExpertLabels
 from common.messages.schema import decode, encode
-from common.observation import STEP_UNITS, Observation, ObservationBatch
+from common.observations.observation import STEP_UNITS, Observation, ObservationBatch
 from learner.algorithm.factory import make_learner
 from learner.replay.buffer import ReplayBuffer
 from learner.replay.draw import draw_batch

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from hypothesis import strategies as st
 
-from common.observation import MAX_TARGET_LINKS, STEP_UNITS, Observation, ObservationBatch
+from common.observations.observation import MAX_TARGET_LINKS, STEP_UNITS, Observation, ObservationBatch
 
 Target = Literal["none", "unknown", "known"]
 TARGETS: tuple[Target, ...] = ("none", "unknown", "known")

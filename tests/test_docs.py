@@ -244,7 +244,7 @@ def test_options_in_messages_are_there():
     elsewhere = (
         "actors/maps/public_sets.py",
         "benchmarks/",
-        "common/code_state.py",
+        "common/system/code_state.py",
         "deploy/recording/storage.py",
         "deploy/robot/trial.py",
         "deploy/ros_arguments.py",

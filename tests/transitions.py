@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from common.messages.experience import ExpertLabels
-from common.observation import ObservationBatch
+from common.observations.observation import ObservationBatch
 from learner.algorithm.batch import TransitionBatch
 from tests.observations import TARGETS, Target, random_batch
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
+from common.system.jit import njit
 from common.tours.sighting import popcount
 
 # Metres that every tour counts more which leaves more unseen than the tolerance.

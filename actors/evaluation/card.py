@@ -9,7 +9,7 @@ from pathlib import Path
 from actors.evaluation.omniscient import NAME as OMNISCIENT
 from actors.evaluation.results import Results, ResultsError
 from actors.evaluation.statistics import distance_ratio, find, summarise
-from common.policy_file import PolicyCard, read_card, write_card
+from common.policies.policy_file import PolicyCard, read_card, write_card
 
 
 def note_bench(policy: Path, found: Sequence[Results], planner: str) -> PolicyCard:

@@ -25,8 +25,8 @@ from common.cli import (
     whole_table,
 )
 from common.extensions import SIMULATORS
-from common.logs import setup_logging
-from common.progress import Steps
+from common.system.logs import setup_logging
+from common.system.progress import Steps
 from common.tasks import EXPLORATION
 
 app = CommandApp(

@@ -10,7 +10,7 @@ from typing import Any
 
 from actors.evaluation.outcome import Outcome
 from actors.evaluation.results import ResultsError
-from common.documents import parse_json
+from common.system.documents import parse_json
 
 FORMAT = 1
 

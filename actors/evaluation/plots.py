@@ -16,8 +16,8 @@ from actors.evaluation.retrace import retrace
 from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.statistics import distance_ratio, find
 from actors.maps.grid_map import GridMap
-from common.extras import optional
 from common.mapping.belief import Belief
+from common.system.extras import optional
 from common.tasks import find_task
 
 # Unknown, free and occupied cells of a belief, and true walls that the robot has not seen.

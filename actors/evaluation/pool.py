@@ -16,9 +16,9 @@ from typing import Any, Self
 from actors.evaluation.outcome import Outcome, Place, crashed
 from actors.evaluation.settings import EvaluationSettings
 from common.errors import HDError
-from common.reaper import Reaper
-from common.runtime import process_environment, python_module
-from common.threads import guarded
+from common.system.reaper import Reaper
+from common.system.runtime import process_environment, python_module
+from common.system.threads import guarded
 
 log = logging.getLogger(__name__)
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from common.progress import Steps, tell_of_kernels
-from common.signals import on_signals
+from common.system.progress import Steps, tell_of_kernels
+from common.system.signals import on_signals
 
 if TYPE_CHECKING:
     from actors.evaluation.runner import Evaluation

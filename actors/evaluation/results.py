@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from common.errors import HDError
 from common.ids import ID_PATTERN
-from common.text_files import decode_text
+from common.system.text_files import decode_text
 
 # Coordinates and distances are rounded to so many places: far below a cell, and files stay small.
 PLACES = 4

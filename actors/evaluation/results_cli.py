@@ -25,7 +25,7 @@ from actors.evaluation.options import (
 from actors.evaluation.results import ResultsError, collect_results, read_results
 from common.cli import EXIT_ERROR, command_errors, message_console
 from common.errors import ConfigError
-from common.progress import Steps, tell_of_kernels
+from common.system.progress import Steps, tell_of_kernels
 
 app = typer.Typer()
 

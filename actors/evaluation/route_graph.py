@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from actors.expert.true_graph import TrueGraph
 from actors.maps.grid_map import GridMap
 from common.config import MappingConfig
-from common.jit import njit
 from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Position
 from common.planners.viewpoint_planner import TOLERANCE
+from common.system.jit import njit
 
 
 @njit(cache=True, nogil=True)

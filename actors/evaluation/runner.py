@@ -17,10 +17,10 @@ from actors.evaluation.results import Results, ResultsError, write_record, write
 from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.step_limit import warn_of_limit
 from actors.evaluation.worlds import WorldSet
-from common.closing import Closing
-from common.code_state import code_state, commit_of
 from common.errors import ConfigError, LockedError
-from common.file_lock import FileLock
+from common.system.closing import Closing
+from common.system.code_state import code_state, commit_of
+from common.system.file_lock import FileLock
 
 log = logging.getLogger(__name__)
 

@@ -20,8 +20,8 @@ from common.errors import CheckpointError, ConfigError
 from common.extensions import SIMULATORS
 from common.planners.base import Planner
 from common.planners.registry import PLANNERS, make_planner, planner_names
+from common.policies.shipped import shipped_policy
 from common.registry import NamedPart
-from common.shipped import shipped_policy
 from common.tasks import TASKS
 
 # Planners that take a file with weights.

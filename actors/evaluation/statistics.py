@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.evaluation.results import Results, ResultsError
-from common.extras import optional
+from common.system.extras import optional
 
 RESAMPLES = 9_999
 CONFIDENCE = 0.95

@@ -16,7 +16,7 @@ from actors.evaluation.results import EpisodeResult, Results, ResultsError
 from actors.evaluation.retrace import Moment, retrace
 from actors.evaluation.settings import EvaluationSettings
 from actors.maps.grid_map import GridMap
-from common.extras import optional
+from common.system.extras import optional
 from common.tasks import find_task
 
 SUFFIXES = (".gif", ".mp4")

@@ -27,8 +27,8 @@ from actors.maps.generators import make_generator
 from actors.maps.layout import BLOCK
 from actors.process import follow_parent
 from common.errors import HDError
-from common.logs import setup_logging
 from common.planners.base import Planner
+from common.system.logs import setup_logging
 
 log = logging.getLogger(__name__)
 

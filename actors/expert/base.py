@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
 from common.geometry import Pose
-from common.observation import Observation
+from common.observations.observation import Observation
 
 # Cost of a choice from which the goal cannot be reached on the true map, metres; finite, so that it can be sent.
 UNREACHABLE = 1000.0

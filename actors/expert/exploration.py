@@ -13,7 +13,7 @@ from actors.tasks.coverage import Coverage
 from common.config import MappingConfig, TaskConfig
 from common.errors import HDError
 from common.geometry import Pose
-from common.observation import Observation
+from common.observations.observation import Observation
 from common.planners.viewpoint_planner import ON_VIEWPOINT
 from common.tours import cover
 from common.tours.local_search import tour_length

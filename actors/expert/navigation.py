@@ -12,7 +12,7 @@ from actors.tasks.coverage import Coverage
 from common.config import MappingConfig, TaskConfig
 from common.errors import HDError, MapError
 from common.geometry import Pose
-from common.observation import Observation
+from common.observations.observation import Observation
 
 
 class NavigationExpert:

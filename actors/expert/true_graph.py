@@ -12,10 +12,10 @@ from actors.maps.grid_map import GridMap
 from common.config import MappingConfig
 from common.errors import MapError
 from common.geometry import Pose
-from common.jit import njit
 from common.mapping.distances import shortest_paths
 from common.mapping.mapper import Mapper
 from common.mapping.sight import OCCUPIED
+from common.system.jit import njit
 
 # Rounding must not keep an edge that a viewpoint lies on, metres.
 TOLERANCE = 1e-6

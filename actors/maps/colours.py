@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from actors.maps.connectivity import label_regions
 from actors.maps.images import Pixels
-from common.jit import njit
+from common.system.jit import njit
 
 NOT_FREE: Final = 0
 FREE: Final = 1

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import MapError
-from common.extras import optional
+from common.system.extras import optional
 
 if TYPE_CHECKING:
     from PIL import Image

@@ -7,7 +7,7 @@ import heapq
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
+from common.system.jit import njit
 
 _COARSE = 4
 # Unit and knight's moves: lengths are at most 2.7 % above the straight line.

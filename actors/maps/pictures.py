@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
 from actors.maps.layout import marker_region
-from common.extras import optional
+from common.system.extras import optional
 
 if TYPE_CHECKING:
     from PIL import Image

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from actors.maps.grid_map import GridMap
 from actors.maps.layout import BLOCK
 from common.errors import MapError
-from common.extras import optional
+from common.system.extras import optional
 
 _OCCUPIED = (127, 127, 127)
 _FREE = (195, 195, 195)

@@ -30,8 +30,8 @@ from pydantic import Field, ValidationError
 
 from common.config import Section
 from common.config.load import resolve
-from common.documents import DocumentError, parse_toml, read_text
 from common.errors import ConfigError, MapError
+from common.system.documents import DocumentError, parse_toml, read_text
 
 FILE_NAME: Final = "worlds.toml"
 ROS_PRESET: Final = "floorplans"

@@ -27,8 +27,8 @@ from actors.maps.images import Pixels, read_pixels
 from actors.maps.placing import Position, place
 from actors.maps.turning import turn, turned_resolution
 from common.errors import MapError
-from common.extras import optional
-from common.text_files import decode_text
+from common.system.extras import optional
+from common.system.text_files import decode_text
 
 Mode = Literal["trinary", "scale", "raw"]
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import MapError
-from common.jit import njit
+from common.system.jit import njit
 
 MAX_SIDE: Final = 16_384
 """Cells on a side of a turned map."""

@@ -11,7 +11,7 @@ from actors.simulators.grid import GridSimulator
 from common.config import SimulatorConfig
 from common.errors import HDError, SimulatorError
 from common.extensions import SIMULATORS
-from common.extras import optional
+from common.system.extras import optional
 
 _log = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
-from common.jit import njit
+from common.system.jit import njit
 
 LONGEST_FACE = 16.0
 """Metres; Bullet's ray test makes a triangle larger by 1e-4 of its length, so very long ones would blur corners."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from actors.maps.clear_space import clear_space
 from actors.maps.connectivity import label_regions
 from actors.maps.grid_map import GridMap
-from common.jit import njit
+from common.system.jit import njit
 
 UNKNOWN = -1
 

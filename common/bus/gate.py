@@ -23,10 +23,10 @@ import time
 from collections.abc import Sequence
 from typing import Final
 
-from common.closing import Closing
-from common.runtime import allow_files, python_module
-from common.signals import ignore_signals
-from common.threads import Ticker
+from common.system.closing import Closing
+from common.system.runtime import allow_files, python_module
+from common.system.signals import ignore_signals
+from common.system.threads import Ticker
 
 log = logging.getLogger(__name__)
 

@@ -10,9 +10,9 @@ from collections.abc import Callable
 import zenoh
 
 from common.bus.keys import Keys, Role, process_of
-from common.closing import Closing
 from common.errors import BusError
-from common.threads import guarded
+from common.system.closing import Closing
+from common.system.threads import guarded
 
 log = logging.getLogger(__name__)
 

@@ -9,8 +9,8 @@ from queue import Empty, SimpleQueue
 
 import zenoh
 
-from common.closing import Closing
-from common.threads import Complaints, guarded
+from common.system.closing import Closing
+from common.system.threads import Complaints, guarded
 
 RETRY_SECONDS = 0.2
 """Pause before a question is asked again that nobody answered."""

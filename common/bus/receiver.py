@@ -12,11 +12,11 @@ import zenoh
 
 from common.bus.keys import Keys, last_part
 from common.bus.query import QueryServer
-from common.closing import Closing
 from common.errors import HDError, MessageError, RefusedError
 from common.messages.experience import Delivery
 from common.messages.replies import Ack
 from common.messages.schema import MAX_DELIVERY, MAX_HOLD, decode, encode
+from common.system.closing import Closing
 
 log = logging.getLogger(__name__)
 

@@ -16,12 +16,12 @@ import zenoh
 from common.bus.keys import Keys
 from common.bus.query import RETRY_SECONDS
 from common.bus.session import new_incarnation
-from common.closing import Closing
 from common.errors import MessageError
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.messages.replies import Ack
 from common.messages.schema import decode, encode
-from common.threads import Complaints, guarded
+from common.system.closing import Closing
+from common.system.threads import Complaints, guarded
 
 log = logging.getLogger(__name__)
 

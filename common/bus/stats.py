@@ -11,11 +11,11 @@ import zenoh
 
 from common.bus.keys import Keys, Role, process_of
 from common.bus.liveness import Process
-from common.closing import Closing
 from common.errors import BusError, MessageError
 from common.messages.schema import MAX_SMALL, decode, encode
 from common.messages.stats import ActorStats, LearnerStats
-from common.threads import guarded
+from common.system.closing import Closing
+from common.system.threads import guarded
 
 log = logging.getLogger(__name__)
 

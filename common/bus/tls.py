@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Protocol
 
-from common.documents import DocumentError, read_json
 from common.errors import BusError
+from common.system.documents import DocumentError, read_json
 
 
 class HasTls(Protocol):

@@ -12,11 +12,11 @@ import zenoh
 
 from common.bus.keys import Keys
 from common.bus.query import QueryServer, ask
-from common.closing import Closing
 from common.errors import MessageError
 from common.messages.schema import MAX_WEIGHTS, decode, encode
 from common.messages.weights import Weights, WeightsNotice
-from common.threads import Complaints, guarded
+from common.system.closing import Closing
+from common.system.threads import Complaints, guarded
 
 log = logging.getLogger(__name__)
 

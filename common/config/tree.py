@@ -17,9 +17,9 @@ from typing import Any, Generic, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from common.documents import DocumentError, parse_json, parse_toml, read_text
 from common.errors import ConfigError, HDError
 from common.registry import NamedPart
+from common.system.documents import DocumentError, parse_json, parse_toml, read_text
 
 M = TypeVar("M", bound=BaseModel)
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.candidates import IN_LINE
 from common.mapping.raycast import SUBCELLS
+from common.system.jit import njit
 
 
 @dataclass(frozen=True, slots=True, eq=False)

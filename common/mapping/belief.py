@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from common.errors import MappingError
 from common.geometry import Pose, Scan
-from common.jit import njit
 from common.mapping.growing_grid import GrowingGrid
 from common.mapping.raycast import (
     SUBCELL_BITS,
@@ -21,6 +20,7 @@ from common.mapping.raycast import (
     ray_units,
 )
 from common.mapping.sight import FREE, OCCUPIED, OUTSIDE, UNKNOWN
+from common.system.jit import njit
 
 # A range is trusted to this much, metres: a beam that ends so near to a cell border hit the cell behind the border,
 # and one that ends so near to two borders (a corner) does not tell which cell it hit.

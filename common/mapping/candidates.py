@@ -12,10 +12,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.pieces import Cells
 from common.mapping.sight import CLEAR, FREE, Box, blocker, may_touch
 from common.mapping.squares import Layout
+from common.system.jit import njit
 
 # An edge reaches so many squares over rows and columns; on a lattice, the 20 nearest lie within sqrt(5) spacings there.
 REACH_SQUARES: Final = 2

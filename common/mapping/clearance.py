@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.cell_grid import CellGrid
 from common.mapping.sight import FREE, Box
 from common.mapping.squares import Layout, mark, undivided
+from common.system.jit import njit
 
 # Every point of the cell is clear; the same number as FREE, so that `common.mapping.sight.blocker` reads both grids.
 CLEAR_CELL: Final = FREE

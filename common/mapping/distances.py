@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.heap import pop, push
-from common.jit import njit
+from common.system.heap import pop, push
+from common.system.jit import njit
 
 
 @njit(cache=True, nogil=True)

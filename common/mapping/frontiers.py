@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.belief import Belief
 from common.mapping.clearance import near_spans
 from common.mapping.passages import any_near, update_passages
 from common.mapping.sight import FREE, UNKNOWN, Box
 from common.mapping.squares import Layout, mark
+from common.system.jit import njit
 
 # Unknown cells among its eight neighbours that make a free cell a frontier.
 MIN_UNKNOWN: Final = 2

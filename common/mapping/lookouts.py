@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.clearance import passable
 from common.mapping.pieces import Cells, piece_at
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 from common.mapping.sight import CLEAR, FREE, OCCUPIED, blocker
 from common.mapping.squares import Layout
+from common.system.jit import njit
 
 
 class Remains(NamedTuple):

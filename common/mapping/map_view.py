@@ -20,7 +20,7 @@ from common.mapping.sight import CLEAR, blocker
 from common.mapping.target import Target
 from common.mapping.utility import FrontierUtility
 from common.mapping.viewpoints import ViewpointGraph
-from common.observation import Observation
+from common.observations.observation import Observation
 
 
 class MapView:

@@ -22,7 +22,7 @@ from common.mapping.target import Target
 from common.mapping.thinning import cells_a_block
 from common.mapping.utility import FrontierUtility
 from common.mapping.viewpoints import ViewpointGraph
-from common.observation import MAX_VIEWPOINTS, Observation
+from common.observations.observation import MAX_VIEWPOINTS, Observation
 
 # Positions lie so near to the lattice's origin along each axis, metres: in subcells they must fit into 64 bits.
 FARTHEST: Final = 1.0e6

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.sight import FREE, OCCUPIED, Box
+from common.system.jit import njit
 
 
 @njit(cache=True, nogil=True)

@@ -7,11 +7,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.clearance import passable
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 from common.mapping.sight import CLEAR, OCCUPIED, blocker
 from common.mapping.squares import Layout
+from common.system.jit import njit
 
 PIECE: Final = np.dtype(
     [

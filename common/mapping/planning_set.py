@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import MappingError
-from common.jit import njit
 from common.mapping.adjacency import Adjacency
 from common.mapping.beacons import find_beacons
 from common.mapping.raycast import SUBCELLS
 from common.mapping.squares import Layout
-from common.observation import MAX_DEGREE, MAX_OFFSET, STEP_UNITS
+from common.observations.observation import MAX_DEGREE, MAX_OFFSET, STEP_UNITS
+from common.system.jit import njit
 
 
 class Frame(NamedTuple):

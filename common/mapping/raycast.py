@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
+from common.system.jit import njit
 
 SUBCELL_BITS: Final = 16
 SUBCELLS: Final = 1 << SUBCELL_BITS

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.candidates import forget_pairs, list_pairs, most_pairs, update_pairs
 from common.mapping.lookouts import Remains, find_lookouts
 from common.mapping.pieces import NOWHERE, Cells
@@ -16,6 +15,7 @@ from common.mapping.sight import Box
 from common.mapping.squares import Layout
 from common.mapping.standing import cell_for, locate
 from common.mapping.touches import find_touches, forget_ways, measure_ways
+from common.system.jit import njit
 
 Pairs = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
 """Straight edges as `candidates` keeps them."""

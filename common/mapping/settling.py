@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.pieces import NOWHERE, Cells, best_place, centre_label, label_square, survey
 from common.mapping.squares import Layout
+from common.system.jit import njit
 
 
 @njit(cache=True, nogil=True)

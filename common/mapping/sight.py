@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
+from common.system.jit import njit
 
 FREE: Final = 0
 OCCUPIED: Final = 100

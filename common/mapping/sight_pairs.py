@@ -12,11 +12,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.raycast import SUBCELL_BITS, cell_middle
 from common.mapping.sight import CLEAR, FREE, Box, blocker, may_touch
 from common.mapping.squares import Layout
 from common.mapping.thinning import LISTED, Blocks, block_at, list_block
+from common.system.jit import njit
 
 IN_SIGHT: Final = CLEAR
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.cell_grid import AnchoredGrid
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
+from common.system.jit import njit
 
 
 class Layout(NamedTuple):

@@ -7,13 +7,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.clearance import SWEEP_TOLERANCE, passable, sweep
 from common.mapping.pieces import NOWHERE, Cells, piece_at
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS, cell_middle
 from common.mapping.settling import usual_place
 from common.mapping.sight import CLEAR, FREE, blocker
 from common.mapping.squares import Layout
+from common.system.jit import njit
 
 # A robot beside clear space is taken to the nearest clear cell within this, metres beyond its radius.
 MARGIN_REACH: Final = 0.5

@@ -14,7 +14,7 @@ from common.mapping.raycast import SUBCELLS
 from common.mapping.sight import FREE
 from common.mapping.viewpoints import LONGEST_EDGE, ViewpointGraph
 from common.mapping.ways import length_of
-from common.observation import MAX_TARGET_LINKS
+from common.observations.observation import MAX_TARGET_LINKS
 
 _NO_LINKS: Final = np.empty(0, dtype=np.int64)
 

@@ -12,8 +12,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.belief import Belief
+from common.system.jit import njit
 
 # Cells of this side, metres, or more, are each looked at.
 COARSE_CELL: Final = 0.25

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.candidates import IN_LINE
 from common.mapping.pieces import Cells
 from common.mapping.squares import Layout
 from common.mapping.ways import length_of, way_between
+from common.system.jit import njit
 
 
 @njit(cache=True, nogil=True)

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.config import MappingConfig
-from common.jit import njit
 from common.mapping.belief import Belief
 from common.mapping.frontiers import FrontierChanges, Frontiers
 from common.mapping.raycast import SUBCELLS
 from common.mapping.sight_pairs import IN_SIGHT, Pairs, copy_pairs, room_for, update_sight
 from common.mapping.thinning import Blocks, block_at, blocks_of
 from common.mapping.viewpoints import ViewpointGraph
+from common.system.jit import njit
 
 
 @njit(cache=True, nogil=True)

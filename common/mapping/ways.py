@@ -7,12 +7,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.heap import pop, push
-from common.jit import njit
 from common.mapping.pieces import Cells
 from common.mapping.raycast import SUBCELL_BITS, cell_middle
 from common.mapping.sight import CLEAR, blocker
 from common.mapping.squares import Layout
+from common.system.heap import pop, push
+from common.system.jit import njit
 
 _DIAGONAL: Final = 2.0**0.5
 

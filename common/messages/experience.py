@@ -8,7 +8,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from common.observation import ObservationBatch
+from common.observations.observation import ObservationBatch
 
 FAILURE = 2.0
 """Where distances are compared, a failed episode counts so many times its own."""

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
-from common.documents import DocumentError, parse_json
 from common.errors import MessageError
 from common.ids import ID_PATTERN
-from common.printable import is_printable, printable
+from common.system.documents import DocumentError, parse_json
+from common.system.printable import is_printable, printable
 
 MAX_SAFE_INTEGER = 2**53 - 1
 """Largest counter on the wire: every language's floating numbers hold it exactly."""

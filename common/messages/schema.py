@@ -16,7 +16,7 @@ from common.messages.fields import Fields
 from common.messages.replies import ALL_VERBS, PROTOCOL_VERSION, Ack, ControlReply, ControlRequest, Spec
 from common.messages.stats import ActorStats, LearnerStats
 from common.messages.weights import FLOATS, Weights, WeightsNotice
-from common.printable import printable, printable_tree
+from common.system.printable import printable, printable_tree
 
 T = TypeVar("T")
 U = TypeVar("U")

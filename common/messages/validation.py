@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import MessageError
-from common.jit import njit
-from common.observation import (
+from common.observations.index import waypoint_counts
+from common.observations.observation import (
     MAX_DEGREE,
     MAX_EDGE_LENGTH,
     MAX_OFFSET,
@@ -20,7 +20,7 @@ from common.observation import (
     STEP_UNITS,
     ObservationBatch,
 )
-from common.observation_index import waypoint_counts
+from common.system.jit import njit
 
 # Field and problem of each code that the kernels return; {0} is the step, {1} the viewpoint, edge or link within it.
 _PROBLEMS = {
@@ -67,7 +67,7 @@ _LENGTH_TOLERANCE = 1.5 / STEP_UNITS
 
 
 def check_observations(batch: ObservationBatch, path: str) -> None:
-    """Check that every observation of a batch is what `common.observation` describes.
+    """Check that every observation of a batch is what `common.observations.observation` describes.
 
     The dtypes must be right already.
 

@@ -8,9 +8,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.network.parallel import Kernel
 from common.network.vector_ops import add_scaled, dot, exp_negative
+from common.system.jit import njit
 
 
 @functools.cache

@@ -6,9 +6,9 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from common.config import NetworkConfig
-from common.features import feature_count
 from common.network.attention import EdgeAttention
 from common.network.graph_batch import GraphBatch
+from common.observations.features import feature_count
 
 
 class FeedForward(nn.Module):

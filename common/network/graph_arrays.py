@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.config import NetworkConfig
-from common.features import FEATURE_NAMES, feature_count, node_features, paths_toward
-from common.jit import njit
 from common.network.reduction import kept_rows, renumbered
-from common.observation import ObservationBatch
-from common.observation_index import EXTRA_SLOTS, LINK_SLOT, neighbour_table
+from common.observations.features import FEATURE_NAMES, feature_count, node_features, paths_toward
+from common.observations.index import EXTRA_SLOTS, LINK_SLOT, neighbour_table
+from common.observations.observation import ObservationBatch
+from common.system.jit import njit
 
 _TARGET = FEATURE_NAMES["paper"].index("target")
 _BEACON = FEATURE_NAMES["paper"].index("beacon")
@@ -29,9 +29,9 @@ class GraphArrays:
     robot's, so that every table and loss keeps one form.
 
     Attributes:
-        features: float32, shape (nodes, F), see `common.features`.
+        features: float32, shape (nodes, F), see `common.observations.features`.
         neighbours: rows that a node attends to, -1 where absent, int32, shape (nodes, W + 2): its neighbours, itself,
-            and the target where it is linked, as `common.observation_index.NeighbourTable` lays them out.
+            and the target where it is linked, as `common.observations.index.NeighbourTable` lays them out.
         node_ptr: first row of each observation, then the number of rows, int64, shape (k + 1,).
         robot_rows: row of the robot's node, int64, shape (k,).
         beacon_rows: rows of all beacons, ascending, int64, shape (total beacons,); an index into it is a *beacon

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from common.config import NetworkConfig
 from common.network.graph_arrays import GraphArrays
-from common.observation import ObservationBatch
+from common.observations.observation import ObservationBatch
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.config import NetworkConfig
-from common.jit import njit
 from common.network.cross_kernels import cross_kernels
 from common.network.edge_kernels import edge_kernels
 from common.network.graph_arrays import GraphArrays
 from common.network.parameters import Arrays
+from common.system.jit import njit
 
 _EPSILON = 1e-5
 _LOGIT_LIMIT = 10.0

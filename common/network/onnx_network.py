@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import CheckpointError
-from common.extras import optional
 from common.network.graph_arrays import GraphArrays
-from common.observation_index import EXTRA_SLOTS
+from common.observations.index import EXTRA_SLOTS
+from common.system.extras import optional
 
 Array = NDArray[np.float32]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from common.config import NetworkConfig
 from common.errors import WeightsError
-from common.features import feature_count
+from common.observations.features import feature_count
 
 Shapes = dict[str, tuple[int, ...]]
 Arrays = Mapping[str, NDArray[np.float32]]

@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.features import DISTANCE_SCALE, FEATURE_NAMES, REACH_SCALE
-from common.jit import njit
+from common.observations.features import DISTANCE_SCALE, FEATURE_NAMES, REACH_SCALE
+from common.system.jit import njit
 
 SURROUNDINGS = 4.0
 """Nodes within this graph distance of the robot are kept, lattice steps."""

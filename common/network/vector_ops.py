@@ -14,7 +14,7 @@ from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.extending import intrinsic
 
-from common.jit import njit
+from common.system.jit import njit
 
 _FLOAT = ir.FloatType()
 

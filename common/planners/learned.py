@@ -14,7 +14,7 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Planner, Position, Status, TaskName
 from common.planners.depth import Depth
-from common.planners.greedy import GreedyPlanner
+from common.planners.exploration.greedy import GreedyPlanner
 from common.planners.reference import ReferenceRoute
 from common.planners.registry import make_planner
 from common.planners.suited_mapping import of_known_scale, warn_of_other_mapping
@@ -27,9 +27,9 @@ from common.planners.viewpoint_planner import (
     nothing_left,
 )
 from common.planners.visited_places import PlacesSinceGain
-from common.policy import Policy
-from common.policy_file import PolicyCard, read_policy
-from common.shipped import shipped_policy, shipped_tasks
+from common.policies.policy import Policy
+from common.policies.policy_file import PolicyCard, read_policy
+from common.policies.shipped import shipped_policy, shipped_tasks
 from common.tasks import EXPLORATION, find_task
 
 log = logging.getLogger(__name__)

@@ -9,7 +9,7 @@ import numpy as np
 from common.config import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
-from common.observation import MAX_ROUTE, Observation
+from common.observations.observation import MAX_ROUTE, Observation
 from common.planners.base import Plan, Planner, Position, TaskName
 from common.planners.registry import make_planner
 from common.tasks import find_task

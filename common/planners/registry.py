@@ -33,16 +33,18 @@ PLANNERS: Final = Registry(
     "planner",
     "hdplanner.planners",
     {
-        "nearest": _entry("nearest:NearestPlanner", "nearest frontier (Yamauchi 1997)", "exploration"),
-        "greedy": _entry("greedy:GreedyPlanner", "utility x exp(-path length / scale)", "exploration"),
-        "nbvp": _entry("nbvp:NbvpPlanner", "receding-horizon RRT (Bircher 2016)", "exploration"),
-        "dsvp": _entry("dsvp:DsvpPlanner", "local RRT and global graph (Zhu 2021)", "exploration"),
-        "tare": _entry("tare:TarePlanner", "local coverage and global tour (Cao 2021)", "exploration"),
-        "tour": _entry("covering_tour:CoveringTourPlanner", "covering tour over all frontiers", "exploration"),
-        "dstar_lite": _entry("dstar_lite:DStarLitePlanner", "D* Lite (Koenig 2002)", "navigation"),
-        "astar": _entry("astar:AStarPlanner", "A*, planned anew at each step", "navigation"),
-        "bit_star": _entry("bit_star:BitStarPlanner", "BIT* through OMPL (Gammell 2015)", "navigation"),
-        "far": _entry("far:FarPlanner", "incremental visibility graph (Yang 2022)", "navigation"),
+        "nearest": _entry("exploration.nearest:NearestPlanner", "nearest frontier (Yamauchi 1997)", "exploration"),
+        "greedy": _entry("exploration.greedy:GreedyPlanner", "utility x exp(-path length / scale)", "exploration"),
+        "nbvp": _entry("exploration.nbvp:NbvpPlanner", "receding-horizon RRT (Bircher 2016)", "exploration"),
+        "dsvp": _entry("exploration.dsvp:DsvpPlanner", "local RRT and global graph (Zhu 2021)", "exploration"),
+        "tare": _entry("exploration.tare:TarePlanner", "local coverage and global tour (Cao 2021)", "exploration"),
+        "tour": _entry(
+            "exploration.covering_tour:CoveringTourPlanner", "covering tour over all frontiers", "exploration"
+        ),
+        "dstar_lite": _entry("navigation.dstar_lite:DStarLitePlanner", "D* Lite (Koenig 2002)", "navigation"),
+        "astar": _entry("navigation.astar:AStarPlanner", "A*, planned anew at each step", "navigation"),
+        "bit_star": _entry("navigation.bit_star:BitStarPlanner", "BIT* through OMPL (Gammell 2015)", "navigation"),
+        "far": _entry("navigation.far:FarPlanner", "incremental visibility graph (Yang 2022)", "navigation"),
         "hdplanner": _entry("learned:LearnedPlanner", "a trained policy (Liang 2025)", "exploration", "navigation"),
         "hdplanner-bare": _entry(
             "learned:bare_planner", "a trained policy without rule and guard", "exploration", "navigation"

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from common.config import MappingConfig
-from common.policy_file import PolicyCard
+from common.policies.policy_file import PolicyCard
 
 log = logging.getLogger(__name__)
 

@@ -7,12 +7,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.belief import Belief
 from common.mapping.cell_grid import CellGrid
 from common.mapping.mapper import Mapper
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 from common.mapping.sight import CLEAR, FREE, OCCUPIED, OUTSIDE, blocker
+from common.system.jit import njit
 
 # Rays that measure the unknown area around a point.
 GAIN_RAYS: Final = 90

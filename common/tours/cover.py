@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
+from common.system.jit import njit
 from common.tours.local_search import GAIN, improve_tour, insert_all
 from common.tours.sighting import count_bits, count_seen, count_unseen, popcount, recount, remove_seen, seen_by_one
 

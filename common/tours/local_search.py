@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
+from common.system.jit import njit
 
 GAIN = 1e-3
 

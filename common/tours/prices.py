@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
+from common.system.jit import njit
 from common.tours.local_search import improve_tour, tour_length
 from common.tours.sighting import count_unseen, popcount, recount, recount_kept, seen_by_one
 

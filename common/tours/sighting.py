@@ -15,7 +15,7 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from common.jit import njit
+from common.system.jit import njit
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,8 +12,8 @@ import zenoh
 
 from common.bus.fleet import BridgeId, bridges_at
 from common.bus.liveness import PresenceWatcher, Process, declare_presence
-from common.closing import Closing
 from common.errors import BusError
+from common.system.closing import Closing
 from deploy.network_config import RosConfig
 from deploy.ros2.errors import RosError
 from deploy.ros2.session import open_session

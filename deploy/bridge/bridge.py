@@ -12,8 +12,8 @@ from typing import Any, Final
 
 from common.bus.control import ControlServer
 from common.bus.liveness import declare_presence
-from common.closing import Closing
 from common.messages.replies import ROBOT_VERBS
+from common.system.closing import Closing
 from deploy.bridge.alone import NameProbe, Rivals, new_instance
 from deploy.bridge.commands import Commands, TopicCommands
 from deploy.bridge.decision import DecisionLoop

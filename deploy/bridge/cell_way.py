@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.mapper import Mapper
 from common.planners.base import Position
+from common.system.jit import njit
 
 # Straight neighbours first, so that ways are straight where they can be.
 _STEPS: Final = np.array([(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)], dtype=np.int64)

@@ -13,9 +13,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from common.closing import Closing
 from common.geometry import Pose
 from common.planners.base import Position
+from common.system.closing import Closing
 from deploy.config import DrivingConfig
 from deploy.driving import LocalPlanner
 from deploy.safety.gate import VelocityGate

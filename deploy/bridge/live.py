@@ -12,15 +12,15 @@ import zenoh
 from common.bus.session import open_client_session
 from common.bus.spec import fetch_spec
 from common.bus.weights import WeightsPuller
-from common.closing import Closing
 from common.config import BusConfig, MappingConfig, MapsConfig, RunConfig, SimulatorConfig
 from common.config.names import config_from_message
 from common.errors import BusError, ConfigError, HDError
 from common.messages.weights import Weights
 from common.network.parameters import parameter_shapes
 from common.planners.learned import LearnedPlanner
-from common.policy import Policy
-from common.policy_file import PolicyCard
+from common.policies.policy import Policy
+from common.policies.policy_file import PolicyCard
+from common.system.closing import Closing
 from common.tasks import find_task
 from deploy.bridge.planner_selector import PlannerSelector
 from deploy.config import DecisionConfig

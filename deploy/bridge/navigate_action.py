@@ -6,9 +6,9 @@ import logging
 from math import hypot
 from typing import Any, Final
 
-from common.closing import Closing
 from common.errors import HDError
 from common.planners.base import Position
+from common.system.closing import Closing
 from deploy.bridge.commands import Commands, target_in
 from deploy.bridge.mission import Mission, Phase
 from deploy.bridge.outcome import Outcome

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 
-from common.closing import Closing
+from common.system.closing import Closing
 from deploy.bridge.status import Problem
 
 _LONGEST = 300

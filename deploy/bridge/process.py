@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 
-from common.signals import stopping_signals
+from common.system.signals import stopping_signals
 from deploy.bridge.bridge import Bridge
 from deploy.config import DeployConfig
 

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.geometry import Pose
-from common.jit import njit
 from common.mapping.mapper import Mapper
 from common.mapping.sight import FREE
 from common.planners.base import Plan, Position, Status
+from common.system.jit import njit
 from deploy.bridge.cell_way import centre_of, nearest_way
 
 # Cells beyond the robot's radius within which a frontier borders on where the robot can get to.

@@ -7,7 +7,7 @@ from typing import Final
 
 import zenoh
 
-from common.closing import Closing
+from common.system.closing import Closing
 from deploy.network_config import RosConfig, TopicsConfig
 from deploy.ros2 import Node
 from deploy.ros2.graph import RMW_SELECTOR, SeenEndpoint, parse_token

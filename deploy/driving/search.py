@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.heap import pop, push
-from common.jit import njit
+from common.system.heap import pop, push
+from common.system.jit import njit
 from deploy.driving.costmap import Field, LocalCostmap
 
 Position = tuple[float, float]

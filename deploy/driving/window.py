@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.geometry import Pose
-from common.jit import njit
+from common.system.jit import njit
 from deploy.config import DrivingConfig
 from deploy.driving.costmap import Field, LocalCostmap, Points, lookup
 from deploy.outline import edges_of

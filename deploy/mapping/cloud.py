@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import MappingError
-from common.jit import njit
+from common.system.jit import njit
 from deploy.config import SensingConfig
 from deploy.mapping.log_odds import Beams
 from deploy.mapping.transforms import Transform

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from common.errors import MappingError
 from common.geometry import Pose, Scan
-from common.jit import njit
 from common.mapping.belief import RANGE_TOLERANCE
 from common.mapping.raycast import (
     FARTHEST,
@@ -24,6 +23,7 @@ from common.mapping.raycast import (
     to_subcells,
 )
 from common.mapping.sight import FREE, OCCUPIED
+from common.system.jit import njit
 from deploy.config import SensingConfig
 from deploy.mapping.measured_grid import MeasuredGrid
 

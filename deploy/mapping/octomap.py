@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from common.extras import optional
 from common.mapping.sight import FREE, OCCUPIED, UNKNOWN
+from common.system.extras import optional
 from deploy.config import SensingConfig
 from deploy.mapping.intake import Cloud
 from deploy.mapping.measured_grid import MeasuredGrid

@@ -11,8 +11,8 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.sight import OCCUPIED, UNKNOWN, Box
+from common.system.jit import njit
 
 
 def rim_offsets(resolution: float, radius: float) -> NDArray[np.int64]:

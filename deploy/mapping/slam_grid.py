@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import MappingError
-from common.jit import njit
 from common.mapping.sight import FREE, OCCUPIED, UNKNOWN
+from common.system.jit import njit
 from deploy.config import SensingConfig
 from deploy.mapping.measured_grid import MAX_CELLS
 

@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
 from common.mapping.belief import Belief
 from common.mapping.sight import FREE, OCCUPIED, UNKNOWN, Box
+from common.system.jit import njit
 
 # Marks of cells: not flooded yet; flooded; and known to lie in an area that is no hole.
 _UNSEEN: Final = 0

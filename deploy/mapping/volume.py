@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
+from common.system.jit import njit
 
 VOXEL: Final = 0.5
 # Voxels are numbered with 21 bits per axis, 524 km each way.

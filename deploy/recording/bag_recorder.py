@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 from fnmatch import fnmatchcase
 
-from common.closing import Closing
+from common.system.closing import Closing
 from deploy.network_config import RosConfig
 from deploy.recording.errors import RecordingError
 from deploy.recording.writer import BagWriter

@@ -14,10 +14,10 @@ from typing import Annotated, Literal
 import typer
 
 from common.cli import command_errors, message_console, output_console
-from common.logs import setup_logging
-from common.progress import Steps, tell_of_kernels
 from common.registry import refuse_modules
-from common.signals import stopping_signals
+from common.system.logs import setup_logging
+from common.system.progress import Steps, tell_of_kernels
+from common.system.signals import stopping_signals
 from deploy.config import DeployConfig
 from deploy.profiles import load_deploy_config, named_parts
 

@@ -6,8 +6,8 @@ from types import ModuleType
 
 import numpy as np
 
-from common.extras import optional
 from common.geometry import Pose
+from common.system.extras import optional
 from deploy.ros2 import Message, RosError
 from deploy.ros2.conversions import grid_from, path_from, points_from, pose_from, position_from, scan_from
 from deploy.ros2.messages import deserialize

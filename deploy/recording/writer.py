@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from mcap.writer import CompressionType, Writer
 
-from common.closing import Closing
+from common.system.closing import Closing
 from deploy.config import DeployConfig
 from deploy.recording.errors import RecordingError
 from deploy.recording.metadata import BagTopic, bag_metadata, qos_profiles

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from common.closing import Closing
+from common.system.closing import Closing
 from deploy.relay.made_types import forget_errors
 from deploy.relay.rclpy_types import load_rclpy, message_class, service_class
 from deploy.ros2.errors import RosError

@@ -7,7 +7,7 @@ import threading
 
 from common.bus.endpoint import is_loopback
 from common.errors import ConfigError
-from common.signals import stopping_signals
+from common.system.signals import stopping_signals
 from deploy.config import DeployConfig
 from deploy.relay.relay import Relay
 from deploy.ros2.session import guest_of

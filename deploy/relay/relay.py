@@ -10,8 +10,8 @@ from contextlib import ExitStack
 from typing import Any, Final
 
 from common.bus.control import ControlServer, request
-from common.closing import Closing
 from common.errors import BusError
+from common.system.closing import Closing
 from deploy.config import DeployConfig
 from deploy.relay.dds import DdsNode, domain_of
 from deploy.relay.graph_monitor import GraphMonitor

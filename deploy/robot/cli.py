@@ -13,9 +13,9 @@ from pydantic import ValidationError
 
 from common.cli import command_errors, message_console
 from common.errors import ConfigError
-from common.extras import optional
-from common.logs import setup_logging
-from common.signals import stopping_signals
+from common.system.extras import optional
+from common.system.logs import setup_logging
+from common.system.signals import stopping_signals
 from common.tasks import TASKS
 from deploy.config import DeployConfig
 from deploy.profiles import load_deploy_config

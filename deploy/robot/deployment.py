@@ -13,10 +13,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from common.closing import Closing
 from common.errors import HDError
 from common.planners.base import Position
-from common.runtime import process_environment, python_module
+from common.system.closing import Closing
+from common.system.runtime import process_environment, python_module
 from deploy.config import DeployConfig
 from deploy.robot.interface import TRUTH_TOPIC
 from deploy.robot.simulation import Grid
@@ -158,7 +158,7 @@ class Deployment(Closing):
         command = python_module("deploy.cli", name, *options)
         with self._log(name).open("w", encoding="utf-8") as log:
             return subprocess.Popen(
-                python_module("common.tethered", str(os.getpid()), *command),
+                python_module("common.system.tethered", str(os.getpid()), *command),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,

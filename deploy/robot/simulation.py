@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
 from actors.maps.sources import open_sources, recommended
-from common.closing import Closing
 from common.config import SimulatorConfig
-from common.extras import optional
 from common.geometry import Pose, Scan
+from common.system.closing import Closing
+from common.system.extras import optional
 from deploy.config import DeployConfig
 from deploy.network_config import TopicsConfig
 from deploy.robot.drive_base import DriveBase

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from enum import IntEnum
 from typing import Final
 
-from common.closing import Closing
+from common.system.closing import Closing
 from deploy.ros2.errors import RosError
 from deploy.ros2.messages import Message, message, stamp
 from deploy.ros2.node import Node

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
-from common.closing import Closing
+from common.system.closing import Closing
 
 T = TypeVar("T")
 

@@ -12,7 +12,7 @@ from typing import Any
 import zenoh
 import zenoh.ext
 
-from common.closing import Closing
+from common.system.closing import Closing
 from deploy.ros2.dispatch import Dispatcher, Inbox
 from deploy.ros2.errors import RosError
 from deploy.ros2.keys import Attachment

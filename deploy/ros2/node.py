@@ -8,7 +8,7 @@ from typing import Any
 
 import zenoh
 
-from common.closing import Closing
+from common.system.closing import Closing
 from deploy.network_config import RosConfig
 from deploy.ros2.dispatch import Dispatcher
 from deploy.ros2.endpoints import Endpoint, Latest, Publisher, Received, Subscription

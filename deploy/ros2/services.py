@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import zenoh
 
 from common.bus.query import QueryServer, ask_until_answered
-from common.closing import Closing
 from common.errors import HDError
+from common.system.closing import Closing
 from deploy.ros2.errors import RosError
 from deploy.ros2.keys import Attachment
 from deploy.ros2.messages import Message, deserialize, serialize

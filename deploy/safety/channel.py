@@ -7,7 +7,7 @@ import select
 import socket
 from typing import Any, Final
 
-from common.closing import Closing
+from common.system.closing import Closing
 
 _MAX_PACKET: Final = 1 << 17
 

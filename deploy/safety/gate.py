@@ -9,9 +9,9 @@ import time
 from dataclasses import replace
 from typing import Any, Final
 
-from common.closing import Closing
 from common.errors import ConfigError, HDError
-from common.runtime import python_module
+from common.system.closing import Closing
+from common.system.runtime import python_module
 from deploy.config import DeployConfig
 from deploy.network_config import RosConfig
 from deploy.ros2 import Node

@@ -18,10 +18,10 @@ from contextlib import suppress
 from dataclasses import asdict
 from typing import Any, Final
 
-from common.closing import Closing
 from common.errors import HDError
-from common.logs import setup_logging
-from common.signals import ignore_signals, on_signals
+from common.system.closing import Closing
+from common.system.logs import setup_logging
+from common.system.signals import ignore_signals, on_signals
 from deploy.config import DeployConfig
 from deploy.ros2 import LATCHED, Node, message
 from deploy.safety.channel import Channel

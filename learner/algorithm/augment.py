@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from common.observation import ObservationBatch
+from common.observations.observation import ObservationBatch
 from learner.algorithm.batch import TransitionBatch
 
 SYMMETRIES = 8

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.messages.experience import ExpertLabels
-from common.observation import ObservationBatch
-from common.observation_index import waypoint_counts
+from common.observations.index import waypoint_counts
+from common.observations.observation import ObservationBatch
 
 
 @dataclass(frozen=True, slots=True, eq=False)

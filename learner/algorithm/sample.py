@@ -10,7 +10,7 @@ from torch import Tensor
 
 from common.config import RunConfig
 from common.network.graph_batch import GraphBatch
-from common.observation_index import waypoint_counts
+from common.observations.index import waypoint_counts
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.cloning import Guidance
 from learner.algorithm.teachers import Teachers

@@ -19,7 +19,7 @@ from common.network.graph_arrays import GraphArrays
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyNetwork
 from common.network.state import load_arrays
-from common.policy_file import read_weights
+from common.policies.policy_file import read_weights
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.losses import log_marginal
 

@@ -9,8 +9,8 @@ from torch import Tensor, nn
 
 from common.config import RunConfig
 from common.messages.experience import ExpertLabels
-from common.observation import ObservationBatch
-from common.observation_index import waypoint_counts
+from common.observations.index import waypoint_counts
+from common.observations.observation import ObservationBatch
 
 VALUE_FEATURES = 16
 _HIDDEN = 64

@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from common.jit import njit
+from common.system.jit import njit
 
 T = TypeVar("T", bound=np.generic)
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from common.errors import ConfigError
 from common.messages.experience_codec import MAX_STEPS
-from common.observation import MAX_DEGREE, MAX_ROUTE, MAX_TARGET_LINKS, MAX_VIEWPOINTS
+from common.observations.observation import MAX_DEGREE, MAX_ROUTE, MAX_TARGET_LINKS, MAX_VIEWPOINTS
 
 # Freed rows are given back to the operating system when they are this many bytes.
 _RELEASE_BYTES = 1 << 21

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.messages.experience import Chunk
-from common.observation_index import waypoint_counts
+from common.observations.index import waypoint_counts
 from learner.replay.memory import KINDS
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.messages.experience import ExpertLabels
-from common.observation import ObservationBatch
+from common.observations.observation import ObservationBatch
 from learner.replay.gather import gather
 from learner.replay.memory import (
     BENT,

@@ -12,7 +12,7 @@ import torch
 from numpy.typing import NDArray
 
 from common.errors import CheckpointError
-from common.policy_file import PolicyCard
+from common.policies.policy_file import PolicyCard
 from learner.run.checkpoints import CheckpointStore
 from learner.watch.evaluation import PublishedPolicies, Round, Score
 

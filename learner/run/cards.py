@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from common.config import RunConfig
-from common.policy_file import PolicyCard, portable_sources
+from common.policies.policy_file import PolicyCard, portable_sources
 from learner.rate_limiter import RateLimiter
 from learner.run.code_state import code_state, commit_of
 

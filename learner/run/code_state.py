@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from common.code_state import code_state, commit_of
+from common.system.code_state import code_state, commit_of
 from learner.run.files import to_json
 
 __all__ = ["code_state", "commit_of", "write_code_state"]

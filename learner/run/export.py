@@ -9,8 +9,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from common.errors import CheckpointError
-from common.onnx_file import SUFFIX as ONNX_SUFFIX
-from common.policy_file import PolicyCard, card_from, write_onnx, write_policy
+from common.policies.onnx_file import SUFFIX as ONNX_SUFFIX
+from common.policies.policy_file import PolicyCard, card_from, write_onnx, write_policy
 from learner.run.checkpoints import EXPORT_PREFIX, Checkpoint, CheckpointStore
 from learner.run.folder import check_run, read_config
 from learner.run.onnx_model import onnx_model

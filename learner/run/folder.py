@@ -11,11 +11,11 @@ import shutil
 import time
 from pathlib import Path
 
-from common.closing import Closing
 from common.config import RunConfig
 from common.config.load import resolve
 from common.errors import CheckpointError, LockedError, StorageError
-from common.file_lock import FileLock
+from common.system.closing import Closing
+from common.system.file_lock import FileLock
 from learner.run.code_state import write_code_state
 from learner.run.files import make_folder, remove_leftovers, replace_text, sync_path, to_json
 

@@ -7,8 +7,8 @@ import threading
 import time
 from collections.abc import Callable
 
-from common.closing import Closing
 from common.errors import StorageError
+from common.system.closing import Closing
 from learner.run.journal import Journal
 
 logger = logging.getLogger(__name__)

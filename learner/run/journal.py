@@ -18,8 +18,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from common.closing import Closing
 from common.errors import CheckpointError, StorageError
+from common.system.closing import Closing
 from learner.run.disk import DiskWatch
 from learner.run.files import DAMAGED, make_folder, remove_leftovers, sync_descriptor, sync_path, write_all
 from learner.run.records import (

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.config import NetworkConfig
-from common.extras import optional
-from common.features import feature_count
 from common.network.parameters import Arrays
+from common.observations.features import feature_count
+from common.system.extras import optional
 
 ValueInfo = tuple[str, Any, list[str | int]]
 
@@ -25,7 +25,7 @@ def onnx_model(config: NetworkConfig, arrays: Arrays) -> bytes:
 
     Inputs, of any number N of nodes, S of slots for neighbours, B of beacons and W of waypoints:
 
-    - ``features``: float32, (N, F), see `common.features`;
+    - ``features``: float32, (N, F), see `common.observations.features`;
     - ``neighbours``: int64, (N, S), rows that a node attends to, -1 where absent, as in `GraphArrays`;
     - ``robot``: int64, (1,), row of the robot's node;
     - ``beacons``: int64, (B,), rows of the beacons; not there in `vanilla`;

@@ -18,8 +18,8 @@ from pathlib import Path
 from tensorboard.compat.proto.event_pb2 import Event
 from tensorboard.compat.tensorflow_stub.pywrap_tensorflow import masked_crc32c
 
-from common.closing import Closing
 from common.errors import StorageError
+from common.system.closing import Closing
 from learner.run.disk import DiskWatch
 from learner.run.files import replace_bytes, set_aside, sync_descriptor, write_all
 

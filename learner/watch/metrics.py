@@ -12,7 +12,7 @@ from tensorboard.compat.proto.event_pb2 import Event, SessionLog
 from tensorboard.compat.proto.summary_pb2 import Summary, SummaryMetadata
 from tensorboard.compat.proto.tensor_pb2 import TensorProto
 
-from common.closing import Closing
+from common.system.closing import Closing
 from learner.run.disk import DiskWatch
 from learner.watch.event_file import EventFile
 

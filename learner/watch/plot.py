@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import CheckpointError, ConfigError
-from common.extras import optional
+from common.system.extras import optional
 from learner.run.episodes import read_episodes
 
 TRAINING_WINDOW = 50

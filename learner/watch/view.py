@@ -16,7 +16,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from common.threads import Complaints
+from common.system.threads import Complaints
 from learner.watch.status import ActorStatus, LearnerStatus
 
 logger = logging.getLogger(__name__)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from common.config import RunConfig
-from common.extras import optional
+from common.system.extras import optional
 from learner.run.files import replace_text, to_json
 
 logger = logging.getLogger(__name__)

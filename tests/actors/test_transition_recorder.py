@@ -7,7 +7,7 @@ from actors.transition_recorder import TransitionRecorder
 from common.config import NetworkConfig
 from common.messages.experience import Delivery, End, ObservationBatch
 from common.messages.schema import decode, encode
-from common.policy import Policy
+from common.policies.policy import Policy
 from tests.actors.test_environment import BRANCHES, CORRIDOR, ROOM, environment
 
 ROLE = Role("train", "grid")

@@ -15,7 +15,7 @@ import hdplanner
 import hdplanner.cli
 import learner.cli
 from common.errors import ConfigError, MapError
-from common.planners.greedy import GreedyPlanner
+from common.planners.exploration.greedy import GreedyPlanner
 from hdplanner import evaluate, load_policy, make_planner
 from tests.plugins import install
 

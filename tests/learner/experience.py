@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from common.messages.experience import Chunk, Delivery, End, EpisodeReport, ExpertLabels
-from common.observation import Observation, ObservationBatch
+from common.observations.observation import Observation, ObservationBatch
 from tests.observations import TARGETS, random_observation
 
 POOL_SIZE = 60

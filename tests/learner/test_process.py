@@ -246,7 +246,7 @@ def test_a_second_learner_of_a_run_on_one_network_is_refused(learner):
 def test_a_tethered_command_ends_with_its_killed_parent():
     program = (
         "import os, subprocess, sys, time\n"
-        "command = [sys.executable, '-m', 'common.tethered', str(os.getpid()), sys.executable, '-c',"
+        "command = [sys.executable, '-m', 'common.system.tethered', str(os.getpid()), sys.executable, '-c',"
         " 'import time; time.sleep(60)']\n"
         "sys.stdout.write(f'{subprocess.Popen(command).pid}\\n')\n"
         "sys.stdout.flush()\n"

@@ -10,8 +10,8 @@ import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from common.errors import CheckpointError, HDError
-from common.policy import Policy
-from common.policy_file import read_policy
+from common.policies.policy import Policy
+from common.policies.policy_file import read_policy
 from learner.loop import train
 from learner.run.export import export_policy
 from learner.run.folder import RunFolder

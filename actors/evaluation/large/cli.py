@@ -12,8 +12,8 @@ import typer
 from actors.evaluation.options import ConfigFile, Overrides, ResultsPaths, TableFormat, TaskName, write_text
 from actors.evaluation.progress import planner_list, run_and_show
 from common.cli import EXIT_ERROR, command_errors, message_console
-from common.logs import setup_logging
-from common.progress import Steps, tell_of_kernels
+from common.system.logs import setup_logging
+from common.system.progress import Steps, tell_of_kernels
 from common.tasks import EXPLORATION, find_task
 
 app = typer.Typer()

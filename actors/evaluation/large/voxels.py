@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
-from common.jit import njit
+from common.system.jit import njit
 
 # Side of a voxel, metres: that of the explored volume in the paper's simulation environment.
 VOXEL: Final = 0.5

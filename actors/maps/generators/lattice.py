@@ -15,9 +15,9 @@ from actors.maps.connectivity import label_regions
 from actors.maps.generators.base import Plan
 from actors.maps.layout import BLOCK
 from common.errors import MapError
-from common.jit import njit
 from common.mapping.raycast import SUBCELLS
 from common.mapping.sight import CLEAR, FREE, OCCUPIED, blocker
+from common.system.jit import njit
 
 _HALF: Final = BLOCK // 2
 # Half of the width of a passage that is carved to join two parts of the lattice: 10 px, 2.5 m at the nominal scale.

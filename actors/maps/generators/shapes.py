@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.maps.layout import BLOCK
-from common.jit import njit
+from common.system.jit import njit
 
 
 @njit(cache=True, nogil=True)

@@ -12,7 +12,7 @@ from actors.maps.generators.base import Generator, Plan, Share, Side
 from actors.maps.generators.lattice import finish
 from actors.maps.generators.shapes import carve_path, fill_disc, smooth_noise
 from actors.maps.layout import BLOCK
-from common.jit import njit
+from common.system.jit import njit
 
 _PITCH = 6 * BLOCK
 _MARGIN = 2 * BLOCK

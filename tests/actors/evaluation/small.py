@@ -9,7 +9,7 @@ from actors.evaluation.results import DecisionTime, EpisodeResult, Results
 from actors.evaluation.settings import EvaluationSettings
 from common.config import MappingConfig
 from common.planners.base import Plan, Status
-from common.planners.greedy import GreedyPlanner
+from common.planners.exploration.greedy import GreedyPlanner
 
 MAPS = "generator:rooms?width=320&height=240"
 

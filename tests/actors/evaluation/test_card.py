@@ -7,7 +7,7 @@ from actors.evaluation.cli import app
 from actors.evaluation.results import DecisionTime, EpisodeResult, Results, write_results
 from common.config import MappingConfig, NetworkConfig
 from common.network.parameters import initial_parameters
-from common.policy_file import PolicyCard, read_policy, write_policy
+from common.policies.policy_file import PolicyCard, read_policy, write_policy
 
 NETWORK = NetworkConfig(width=16, heads=2, layers=1)
 

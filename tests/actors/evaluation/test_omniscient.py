@@ -13,7 +13,7 @@ from actors.tasks import make_goal
 from common.config import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
 from common.errors import MapError
 from common.mapping.mapper import Mapper
-from common.planners.greedy import GreedyPlanner
+from common.planners.exploration.greedy import GreedyPlanner
 from tests.actors.worlds import draw
 
 MAPPING = MappingConfig(resolution=0.5, sensor_range=8.0, viewpoint_spacing=2.0, beacon_range=8.0)

@@ -12,7 +12,7 @@ from actors.maps.sources import open_sources
 from actors.simulators.grid import GridSimulator
 from actors.tasks import make_goal
 from common.config import RewardConfig
-from common.planners.greedy import GreedyPlanner
+from common.planners.exploration.greedy import GreedyPlanner
 from tests.actors.evaluation.small import MAPS, results, settings
 
 SETTINGS = settings()

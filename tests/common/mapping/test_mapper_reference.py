@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from common.config import MappingConfig
 from common.geometry import Pose, Scan
 from common.mapping.mapper import Mapper
-from common.observation import STEP_UNITS
+from common.observations.observation import STEP_UNITS
 from tests.common.mapping.reference import UNIT, ReferenceMapper, flood
 from tests.common.mapping.worlds import random_world, scan_of
 

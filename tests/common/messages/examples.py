@@ -6,7 +6,7 @@ from common.messages.codec import pack_array
 from common.messages.experience import Chunk, Delivery, End
 from common.messages.replies import Ack
 from common.messages.schema import encode
-from common.observation import ObservationBatch
+from common.observations.observation import ObservationBatch
 
 
 def array() -> np.ndarray:

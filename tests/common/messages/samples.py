@@ -6,7 +6,7 @@ from common.messages.experience import Chunk, Delivery, End, EpisodeReport, Expe
 from common.messages.replies import Ack, ControlReply, ControlRequest, Spec
 from common.messages.stats import ActorStats, LearnerStats
 from common.messages.weights import Weights
-from common.observation import ObservationBatch
+from common.observations.observation import ObservationBatch
 from tests.observations import TARGETS, random_observation
 
 

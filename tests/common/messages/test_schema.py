@@ -14,7 +14,7 @@ from common.messages.replies import Ack, ControlReply, ControlRequest, Spec
 from common.messages.schema import decode, encode
 from common.messages.stats import ActorStats
 from common.messages.weights import Weights, WeightsNotice
-from common.printable import is_printable
+from common.system.printable import is_printable
 from tests.common.messages import samples
 
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from common.errors import MessageError
 from common.messages.validation import check_choices, check_observations
-from common.observation import MAX_DEGREE, STEP_UNITS, Observation, ObservationBatch
-from common.observation_index import neighbour_table
+from common.observations.index import neighbour_table
+from common.observations.observation import MAX_DEGREE, STEP_UNITS, Observation, ObservationBatch
 from tests.observations import observations, random_batch, random_observation
 
 

@@ -15,7 +15,7 @@ from torch.nn import functional
 from common.network.decoders import DecoderLayer, Pointer
 from common.network.encoder import Encoder
 from common.network.policy_network import PolicyNetwork
-from common.observation import Observation, ObservationBatch
+from common.observations.observation import Observation, ObservationBatch
 from learner.algorithm.critic import CriticHead
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from common.config import NetworkConfig
 from common.network import reduction
 from common.network.graph_arrays import GraphArrays
-from common.observation_index import neighbour_table
+from common.observations.index import neighbour_table
 from tests.observations import random_batch
 
 

@@ -14,9 +14,9 @@ import pytest
 
 from common.config import NetworkConfig
 from common.network.graph_arrays import GraphArrays
-from common.observation import ObservationBatch
-from common.policy_file import read_policy
-from common.shipped import shipped_policy
+from common.observations.observation import ObservationBatch
+from common.policies.policy_file import read_policy
+from common.policies.shipped import shipped_policy
 
 RECORD = np.load(Path(__file__).with_name("lattice_decisions.npz"))
 _COUNT = len(RECORD["batch_count"])

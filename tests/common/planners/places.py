@@ -8,7 +8,7 @@ from math import isqrt
 
 import numpy as np
 
-from common.planners.graph_search import NO_WAY, GoalGraph
+from common.planners.navigation.graph_search import NO_WAY, GoalGraph
 
 SPAN = 1 << 20
 

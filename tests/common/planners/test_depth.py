@@ -13,7 +13,7 @@ from common.planners.base import TaskName
 from common.planners.depth import MOST_CYCLES, Depth
 from common.planners.learned import LearnedPlanner, bare_planner
 from common.planners.registry import make_planner
-from common.shipped import shipped_policy
+from common.policies.shipped import shipped_policy
 
 MAPPING = MappingConfig()
 

@@ -16,7 +16,7 @@ from common.mapping.mapper import Mapper
 from common.network.parameters import initial_parameters
 from common.planners.base import Planner, Status, TaskName
 from common.planners.registry import make_planner, planner_names
-from common.policy_file import PolicyCard, write_policy
+from common.policies.policy_file import PolicyCard, write_policy
 from tests.common.planners.rollout import drawn, explore, navigate
 
 CONFIG = MappingConfig(resolution=0.5, sensor_range=10.0, beacon_range=10.0)

@@ -9,8 +9,8 @@ from common.network.parameters import initial_parameters
 from common.planners.base import Status, mapping_for
 from common.planners.learned import LearnedPlanner
 from common.planners.registry import make_planner
-from common.policy_file import PolicyCard, write_policy
-from common.shipped import shipped_policy, shipped_tasks
+from common.policies.policy_file import PolicyCard, write_policy
+from common.policies.shipped import shipped_policy, shipped_tasks
 from tests.common.planners.rollout import drawn, explore, navigate
 
 CONFIG = MappingConfig(resolution=0.5)

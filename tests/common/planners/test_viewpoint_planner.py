@@ -6,8 +6,8 @@ import pytest
 from common.errors import ConfigError
 from common.geometry import Pose
 from common.planners.base import Status
-from common.planners.greedy import GreedyPlanner
-from common.planners.nearest import NearestPlanner
+from common.planners.exploration.greedy import GreedyPlanner
+from common.planners.exploration.nearest import NearestPlanner
 from common.planners.viewpoint_planner import ScannedViewpoints, lead_to
 from common.planners.visibility import observed
 from tests.common.planners.rollout import drawn

@@ -7,10 +7,10 @@ import time
 from math import atan2, cos, sin
 
 from actors.simulators.grid import GridSimulator
-from common.closing import Closing
 from common.config import SimulatorConfig
 from common.errors import SimulatorError
 from common.geometry import Pose
+from common.system.closing import Closing
 from deploy.bridge.bridge import Bridge
 from deploy.config import DeployConfig
 from deploy.network_config import RosConfig

@@ -12,7 +12,7 @@ from tests.deploy.bridge.offline import Trial, ended, settings
 
 OWN = """
 from dataclasses import replace
-from common.planners.greedy import GreedyPlanner
+from common.planners.exploration.greedy import GreedyPlanner
 from common.tasks import EXPLORATION
 
 class Own(GreedyPlanner):

@@ -4,7 +4,7 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
-from common.extras import MissingPackageError
+from common.system.extras import MissingPackageError
 from deploy.cli import app
 from deploy.recording.bag_player import BagPlayer, has_decisions
 from deploy.recording.comparison import compare

@@ -19,7 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
-from common.signals import stopping_signals
+from common.system.signals import stopping_signals
 from deploy.config import DeployConfig
 from deploy.robot.options import RobotOptions
 from deploy.robot.pace import Pace

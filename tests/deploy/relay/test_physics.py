@@ -19,7 +19,7 @@ from nav_msgs.msg import OccupancyGrid
 from std_msgs.msg import String
 
 from actors.tasks.coverage import Coverage
-from common.runtime import process_environment, python_module
+from common.system.runtime import process_environment, python_module
 from deploy.profiles import load_deploy_config
 from deploy.robot.options import RobotOptions
 from deploy.robot.simulation import centred, load_world
@@ -52,7 +52,7 @@ class DdsDeployment:
         ):
             with self._log(name).open("w") as log:
                 self.processes[name] = subprocess.Popen(
-                    python_module("common.tethered", str(os.getpid()), *python_module(*command)),
+                    python_module("common.system.tethered", str(os.getpid()), *python_module(*command)),
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=log,

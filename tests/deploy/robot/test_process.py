@@ -64,7 +64,7 @@ def test_it_ends_with_a_killed_parent(tmp_path):
             "-c",
             "import os, subprocess, sys, time\n"
             "python = [sys.executable, '-m']\n"
-            "command = [*python, 'common.tethered', str(os.getpid()), *python, *sys.argv[1:]]\n"
+            "command = [*python, 'common.system.tethered', str(os.getpid()), *python, *sys.argv[1:]]\n"
             "with open(os.environ['LOG'], 'w') as log:\n"
             "    print(subprocess.Popen(command, stdout=log, stderr=log).pid, flush=True)\n"
             "time.sleep(600)",

@@ -128,7 +128,7 @@ class Robot(contextlib.ExitStack):
 
 BRIDGE = """
 import json, logging, sys, threading
-from common.logs import setup_logging
+from common.system.logs import setup_logging
 from deploy.config import DeployConfig
 from deploy.ros2 import Node
 from deploy.safety.gate import VelocityGate, behind_watchdog

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from common.config import NetworkConfig
-from common.features import FEATURE_NAMES
 from common.messages.validation import check_choices, check_observations
 from common.network.graph_arrays import GraphArrays
-from common.observation import ObservationBatch
+from common.observations.features import FEATURE_NAMES
+from common.observations.observation import ObservationBatch
 from learner.algorithm.augment import MATRICES, SYMMETRIES, augment, transform_observations
 from tests.observations import random_batch
 from tests.transitions import random_transitions

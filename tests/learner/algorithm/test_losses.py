@@ -16,7 +16,7 @@ import torch
 from common.config import CloningConfig, NetworkConfig
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyOutput
-from common.observation import Observation, ObservationBatch
+from common.observations.observation import Observation, ObservationBatch
 from learner.algorithm.cloning import Guidance, cloning_loss
 from learner.algorithm.losses import (
     critic_loss,

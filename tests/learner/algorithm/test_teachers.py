@@ -13,9 +13,9 @@ from common.config import RunConfig
 from common.config.load import resolve
 from common.errors import ConfigError
 from common.network.graph_arrays import GraphArrays
-from common.policy import Policy
-from common.policy_file import read_policy
-from common.shipped import shipped_policy
+from common.policies.policy import Policy
+from common.policies.policy_file import read_policy
+from common.policies.shipped import shipped_policy
 from learner.algorithm.factory import make_learner
 from learner.algorithm.teachers import ROUTE_SHARE, Teachers
 from tests.transitions import random_transitions

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from common.errors import ConfigError
 from common.messages.experience import Chunk, Delivery, End
 from common.messages.validation import check_observations
-from common.observation import MAX_DEGREE, MAX_VIEWPOINTS, Observation, ObservationBatch
+from common.observations.observation import MAX_DEGREE, MAX_VIEWPOINTS, Observation, ObservationBatch
 from learner.replay.buffer import ReplayBuffer
 from tests.learner.experience import deliver, episode_chunks, episode_report, observation_pool
 

@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 
 from common.config import MappingConfig, NetworkConfig
 from common.errors import CheckpointError, WeightsError
-from common.extras import MissingPackageError
 from common.network.graph_arrays import GraphArrays
 from common.network.graph_batch import GraphBatch
 from common.network.inference import InferenceNetwork
 from common.network.onnx_network import OnnxNetwork
 from common.network.parameters import initial_parameters
 from common.network.policy_network import PolicyNetwork
-from common.observation import ObservationBatch
-from common.onnx_file import split
-from common.policy_file import PolicyCard, read_card, read_policy, write_card, write_onnx, write_policy
+from common.observations.observation import ObservationBatch
+from common.policies.onnx_file import split
+from common.policies.policy_file import PolicyCard, read_card, read_policy, write_card, write_onnx, write_policy
+from common.system.extras import MissingPackageError
 from learner.run.onnx_model import OPSET, onnx_model
 from tests.observations import observations, random_observation
 

@@ -1,0 +1,1 @@
+"""The observation, from the environment over the wire to the network."""

@@ -1,0 +1,387 @@
+"""Node features: what the network sees of each viewpoint, computed from the observation alone."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.observations.index import EXTRA_SLOTS, NeighbourTable
+from common.observations.observation import NEIGHBOUR_COUNT, STEP_UNITS, ObservationBatch
+from common.system.heap import pop, push
+from common.system.jit import njit
+
+FeatureSet = Literal["paper", "extended", "guided"]
+FEATURE_NAMES: dict[FeatureSet, tuple[str, ...]] = {
+    "paper": (
+        "x",
+        "y",
+        "utility",
+        "visited",
+        "beacon",
+        "robot",
+        "target",
+        "target_direction_x",
+        "target_direction_y",
+        "target_distance",
+    )
+}
+FEATURE_NAMES["extended"] = (
+    *FEATURE_NAMES["paper"],
+    "robot_graph_distance",
+    "degree",
+    "useful_graph_distance",
+    "on_beacon_path",
+    "target_graph_distance",
+)
+
+FEATURE_NAMES["guided"] = (
+    *FEATURE_NAMES["extended"],
+    "on_route",
+    "route_distance",
+    "route_next",
+    "reach",
+)
+
+# Lattice steps per unit of a position or distance, and the largest such value.
+DISTANCE_SCALE = 20.0
+_LIMIT = 8.0
+# Lattice steps per unit of the sensor's range.
+REACH_SCALE = 10.0
+# Cells to a lattice step where a frontier cell of the set `guided` counts once: 4 m of 0.25 m, the public benchmark's.
+_CELLS = 16.0
+# On a lattice the degree is 1 at most; where small rooms crowd it may be more.
+_DEGREE_LIMIT = 2.0
+# Two path lengths that differ by less are one length: sums of the same edges in different orders.
+_TIE = 1e-6
+
+
+def feature_count(features: FeatureSet) -> int:
+    """Number F of features per node."""
+    return len(FEATURE_NAMES[features])
+
+
+def node_features(batch: ObservationBatch, table: NeighbourTable, features: FeatureSet) -> NDArray[np.float32]:
+    """Compute the features of all nodes, the targets included.
+
+    Every value is bounded. Distances are in lattice steps; *graph* distances run along edges and never lead through
+    the target. Of a target that is not known yet, its links are the beacons: its graph distance is then the
+    optimistic estimate over them.
+
+    ====  ======================  ==================================================================  ==========
+    col.  name                    meaning                                                             range
+    ====  ======================  ==================================================================  ==========
+    0, 1  x, y                    position relative to the robot / 20                                 -8 .. 8
+    2     utility                 log(1 + observable frontiers) / 4                                   0 .. 2.78
+    3     visited                 the robot has been here                                             0, 1
+    4     beacon                  stands for a group of useful viewpoints; a known target             0, 1
+    5     robot                   the robot's node                                                    0, 1
+    6     target                  the target's node                                                   0, 1
+    7, 8  target_direction        unit vector from this node to the target, zeros without one         -1 .. 1
+    9     target_distance         straight distance to the target / 20, 0 without one                 0 .. 8
+    10    robot_graph_distance    graph distance from the robot / 20                                  0 .. 8
+    11    degree                  number of neighbours / 20                                           0 .. 2
+    12    useful_graph_distance   graph distance to the nearest viewpoint with utility / 20           0 .. 8
+    13    on_beacon_path          lies on a shortest path (any, if several) from robot to a beacon    0, 1
+    14    target_graph_distance   graph distance to the target / 20, 0 without one                    0 .. 8
+    15    on_route                lies on the reference route                                         0, 1
+    16    route_distance          length of that route from the robot to here / 20, 0 beside it       0 .. 8
+    17    route_next              the first viewpoint of that route                                   0, 1
+    18    reach                   range of the sensor / 10                                            0 .. 8
+    ====  ======================  ==================================================================  ==========
+
+    Columns 0 to 9 are the set ``paper``, 0 to 14 the set ``extended``, all 19 the set ``guided``. In this last one
+    frontiers are counted by their length, in sixteenths of a lattice step, so that neither the size of the cells nor
+    that of the lattice changes what a utility means. The length of a route is that of the straight lines between its
+    viewpoints.
+
+    Args:
+        batch: k observations.
+        table: their neighbours.
+        features: which set.
+
+    Returns:
+        float32, shape (nodes, F).
+    """
+    out = np.zeros((len(table.rows), feature_count(features)), dtype=np.float32)
+    _fill_features(
+        batch.count,
+        batch.offsets,
+        batch.utility,
+        batch.visited,
+        batch.beacon,
+        batch.robot,
+        batch.has_target,
+        batch.target_known,
+        batch.target_offset,
+        table.rows,
+        table.lengths,
+        table.node_ptr,
+        features != "paper",
+        out,
+    )
+    if features == "guided":
+        _fill_guided(
+            batch.count,
+            batch.offsets,
+            batch.utility,
+            batch.robot,
+            batch.cell,
+            batch.reach,
+            batch.route_count,
+            batch.route,
+            table.node_ptr,
+            out,
+        )
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _fill_features(
+    count: NDArray[np.int32],
+    offsets: NDArray[np.int16],
+    utility: NDArray[np.uint16],
+    visited: NDArray[np.bool_],
+    beacon: NDArray[np.bool_],
+    robot: NDArray[np.int32],
+    has_target: NDArray[np.bool_],
+    target_known: NDArray[np.bool_],
+    target_offset: NDArray[np.float32],
+    neighbours: NDArray[np.int32],
+    lengths: NDArray[np.float64],
+    node_ptr: NDArray[np.int64],
+    extended: bool,
+    out: NDArray[np.float32],
+) -> None:
+    view = 0
+    for g in range(len(count)):
+        first, last = node_ptr[g], node_ptr[g + 1]
+        n = count[g]
+        x = np.zeros(last - first)
+        y = np.zeros(last - first)
+        for i in range(n):
+            x[i] = offsets[view + i, 0] / STEP_UNITS
+            y[i] = offsets[view + i, 1] / STEP_UNITS
+            row = out[first + i]
+            row[2] = math.log1p(utility[view + i]) / 4.0
+            row[3] = visited[view + i]
+            row[4] = beacon[view + i]
+        out[first + robot[g], 5] = 1.0
+        if has_target[g]:
+            x[n] = target_offset[g, 0]
+            y[n] = target_offset[g, 1]
+            out[first + n, 4] = target_known[g]
+            out[first + n, 6] = 1.0
+        for i in range(last - first):
+            row = out[first + i]
+            row[0] = min(max(x[i] / DISTANCE_SCALE, -_LIMIT), _LIMIT)
+            row[1] = min(max(y[i] / DISTANCE_SCALE, -_LIMIT), _LIMIT)
+            if has_target[g]:
+                dx, dy = x[n] - x[i], y[n] - y[i]
+                distance = math.hypot(dx, dy)
+                if distance > 0.0:
+                    row[7] = dx / distance
+                    row[8] = dy / distance
+                row[9] = min(distance / DISTANCE_SCALE, _LIMIT)
+        if extended:
+            _fill_extended(
+                n,
+                first,
+                robot[g],
+                utility[view : view + n],
+                has_target[g],
+                neighbours[first:last],
+                lengths[first:last],
+                out,
+            )
+        view += n
+
+
+@njit(cache=True, nogil=True)
+def _fill_extended(
+    n: int,
+    first: int,
+    robot: int,
+    utility: NDArray[np.uint16],
+    has_target: bool,
+    neighbours: NDArray[np.int32],
+    lengths: NDArray[np.float64],
+    out: NDArray[np.float32],
+) -> None:
+    """Fill columns 10 to 14 of one observation, whose nodes start at row ``first``."""
+    nodes, slots = neighbours.shape
+    target = n if has_target else -1
+    distance = np.full(nodes, np.inf)
+    distance[robot] = 0.0
+    order = _shortest_paths(neighbours, lengths, first, target, distance)
+    useful = np.full(nodes, np.inf)
+    for i in range(n):
+        if utility[i] > 0:
+            useful[i] = 0.0
+    _shortest_paths(neighbours, lengths, first, target, useful)
+    for i in range(nodes):
+        row = out[first + i]
+        degree = 0
+        for slot in range(slots - EXTRA_SLOTS):
+            degree += neighbours[i, slot] >= 0
+        row[10] = min(distance[i] / DISTANCE_SCALE, _LIMIT)
+        row[11] = min(degree / NEIGHBOUR_COUNT, _DEGREE_LIMIT)
+        row[12] = min(useful[i] / DISTANCE_SCALE, _LIMIT)
+        row[13] = row[4] > 0.0 and distance[i] < np.inf
+    # From the farthest node inwards, each marked node marks all its predecessors on shortest paths.
+    for position in range(len(order) - 1, -1, -1):
+        j = order[position]
+        if out[first + j, 13] > 0.0:
+            for slot in range(slots):
+                i = neighbours[j, slot] - first
+                if i < 0 or i in (j, target):
+                    continue
+                if abs(distance[i] + lengths[j, slot] - distance[j]) < _TIE:
+                    out[first + i, 13] = 1.0
+    if has_target:
+        distance[:] = np.inf
+        for slot in range(slots - EXTRA_SLOTS):
+            i = neighbours[target, slot] - first
+            if i >= 0:
+                distance[i] = lengths[target, slot]
+        _shortest_paths(neighbours, lengths, first, target, distance)
+        distance[target] = 0.0
+        for i in range(nodes):
+            out[first + i, 14] = min(distance[i] / DISTANCE_SCALE, _LIMIT)
+
+
+@njit(cache=True, nogil=True)
+def _fill_guided(
+    count: NDArray[np.int32],
+    offsets: NDArray[np.int16],
+    utility: NDArray[np.uint16],
+    robot: NDArray[np.int32],
+    cell: NDArray[np.float32],
+    reach: NDArray[np.float32],
+    route_count: NDArray[np.int32],
+    route: NDArray[np.uint16],
+    node_ptr: NDArray[np.int64],
+    out: NDArray[np.float32],
+) -> None:
+    """Fill columns 15 to 18, and column 2 anew."""
+    view = 0
+    at = 0
+    for g in range(len(count)):
+        first, last = node_ptr[g], node_ptr[g + 1]
+        for i in range(count[g]):
+            out[first + i, 2] = math.log1p(utility[view + i] * cell[g] * _CELLS) / 4.0
+        for row in range(first, last):
+            out[row, 18] = min(reach[g] / REACH_SCALE, _LIMIT)
+        here = np.int64(robot[g])
+        length = 0.0
+        for k in range(at, at + route_count[g]):
+            there = np.int64(route[k])
+            x = np.float64(offsets[view + there, 0]) - offsets[view + here, 0]
+            y = np.float64(offsets[view + there, 1]) - offsets[view + here, 1]
+            length += math.hypot(x, y) / STEP_UNITS
+            row = out[first + there]
+            if row[15] == 0.0:
+                row[15] = 1.0
+                row[16] = min(length / DISTANCE_SCALE, _LIMIT)
+            if k == at:
+                row[17] = 1.0
+            here = there
+        at += route_count[g]
+        view += count[g]
+
+
+@njit(cache=True, nogil=True)
+def paths_toward(
+    neighbours: NDArray[np.int32],
+    lengths: NDArray[np.float64],
+    node_ptr: NDArray[np.int64],
+    robot: NDArray[np.int32],
+    has_target: NDArray[np.bool_],
+) -> NDArray[np.uint64]:
+    """Say with which of the robot's neighbours the shortest paths to each node begin.
+
+    Args:
+        neighbours: of a `NeighbourTable`, shape (nodes, W + 2).
+        lengths: likewise.
+        node_ptr: likewise, shape (k + 1,).
+        robot: node number of the robot's viewpoint, shape (k,).
+        has_target: whether the last node is the target, through which no path leads, shape (k,).
+
+    Returns:
+        Bit s of a node is set when a shortest path (any, if several) from the robot to it begins with the neighbour in
+        slot s of the robot's row, or s + 64, and so on; 0 where no path leads, uint64, shape (nodes,).
+    """
+    bits = np.zeros(len(neighbours), dtype=np.uint64)
+    slots = neighbours.shape[1]
+    for g in range(len(robot)):
+        first, last = node_ptr[g], node_ptr[g + 1]
+        target = last - first - 1 if has_target[g] else np.int64(-1)
+        here = np.int64(robot[g])
+        distance = np.full(last - first, np.inf)
+        distance[here] = 0.0
+        order = _shortest_paths(neighbours[first:last], lengths[first:last], first, target, distance)
+        for j in order:
+            if j == here:
+                continue
+            for slot in range(slots):
+                i = neighbours[first + j, slot] - first
+                if i < 0 or i in (j, target):
+                    continue
+                if abs(distance[i] + lengths[first + j, slot] - distance[j]) >= _TIE:
+                    continue
+                if i != here:
+                    bits[first + j] |= bits[first + i]
+                    continue
+                for own in range(slots):
+                    if neighbours[first + here, own] == first + j:
+                        bits[first + j] |= np.uint64(1) << np.uint64(own % 64)
+    return bits
+
+
+@njit(cache=True, nogil=True)
+def _shortest_paths(
+    neighbours: NDArray[np.int32],
+    lengths: NDArray[np.float64],
+    first: int,
+    target: int,
+    distance: NDArray[np.float64],
+) -> NDArray[np.int64]:
+    """Run Dijkstra from all nodes of finite ``distance``; fill the others; return the nodes in order of distance.
+
+    No path leads through the target.
+    """
+    nodes, slots = neighbours.shape
+    capacity = nodes + 1
+    for i in range(nodes):
+        for slot in range(slots):
+            capacity += neighbours[i, slot] >= 0
+    keys = np.empty(capacity)
+    items = np.empty(capacity, dtype=np.int64)
+    size = 0
+    for i in range(nodes):
+        if distance[i] < np.inf:
+            size = push(keys, items, size, distance[i], i)
+    done = np.zeros(nodes, dtype=np.bool_)
+    order = np.empty(nodes, dtype=np.int64)
+    settled = 0
+    while size > 0:
+        i = items[0]
+        size = pop(keys, items, size)
+        if done[i]:
+            continue
+        done[i] = True
+        order[settled] = i
+        settled += 1
+        if i == target:
+            continue
+        for slot in range(slots):
+            j = neighbours[i, slot] - first
+            if j < 0 or done[j]:
+                continue
+            length = distance[i] + lengths[i, slot]
+            if length < distance[j]:
+                distance[j] = length
+                size = push(keys, items, size, length, j)
+    return order[:settled]

@@ -1,0 +1,1 @@
+"""Planners that explore, and what only they need."""

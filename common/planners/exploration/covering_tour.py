@@ -1,0 +1,352 @@
+"""A covering tour over the frontiers: which viewpoints together see them all, and the shortest way through these."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.config import MappingConfig
+from common.errors import ConfigError
+from common.geometry import Pose
+from common.mapping.mapper import Mapper
+from common.planners.base import Position, TaskName
+from common.planners.exploration.clusters import cluster_labels
+from common.planners.exploration.held_tour import HeldTour
+from common.planners.exploration.ways import Ways
+from common.planners.viewpoint_planner import ViewpointPlanner
+from common.planners.visibility import unknown_in_sight
+from common.system.jit import njit
+from common.tours import cover
+from common.tours.local_search import improve_tour, insert_all, tour_length
+from common.tours.prices import price_choices
+from common.tours.sighting import Visibility, add_seen, count_bits, pack_rows, remove_seen, set_of
+
+# Rounds in which a tour is improved, at most.
+ROUNDS: Final = 6
+# Tours that differ by less are equally long, metres.
+TIE: Final = 0.01
+# Stops of the tour to which a plan shows the way.
+STOPS_AHEAD: Final = 6
+# Rays that measure the unknown area that a viewpoint may show.
+RAYS: Final = 45
+
+# Stands for a view and a gain that were never measured.
+_NEVER: Final = (-1, 0.0)
+_NO_STOPS: Final = np.empty(0, dtype=np.int64)
+# Frontier cells by viewpoint as sparse rows, see `Mapper.sightings`.
+_Rows = tuple[NDArray[np.int64], NDArray[np.int32]]
+
+
+class CoveringTourPlanner(ViewpointPlanner):
+    """Cover all frontiers by viewpoints, take the shortest tour through these, and replan it at each viewpoint.
+
+    It is no published planner: it is what the privileged expert of this project's training does on the true map, done
+    on the belief. Covering tours over frontiers are at the root of TARE (Cao et al. 2021) and of FUEL (B. Zhou, Y.
+    Zhang, X. Chen, S. Shen: "FUEL: Fast UAV Exploration Using Incremental Frontier Structure and Hierarchical
+    Planning", IEEE Robotics and Automation Letters, 2021).
+
+    - Frontier cells have to be seen from at most `cover_range`. What the mapper knows of lines of sight is used as it
+      is (`Mapper.sightings`); nothing is looked at again.
+    - A greedy set cover of the cells becomes an open tour: stops are inserted where they cost least, moved to where
+      they cost less (from the middle of a room to its door), left out when others see the same, and reordered by 2-opt
+      and Or-opt. One tour begins from what is left of the last decision's, which wins when it is not longer, and one
+      anew.
+    - Each neighbour of the robot's viewpoint is then priced: the way there and the tour that remains from there, the
+      stops left out whose cells it sees itself. The robot goes to the cheapest one.
+    - Remainders wait: clusters of fewer frontier cells than `min_frontier`, and viewpoints that could show less than
+      `min_gain` of unknown area. Most of them are slivers along walls and behind furniture that hold nothing or so
+      little that an exploration is complete without them. They are taken along where they lie on the way, at most
+      `detour` each; else in a large building one returns for them in the end. What is left when nothing else is, is
+      toured like the rest.
+    - It ends: a viewpoint is a stop no more once the robot has scanned from there, and a robot that comes back to one
+      without having seen anything new keeps its tour until it has (see `HeldTour`).
+    """
+
+    name = "tour"
+
+    def __init__(
+        self,
+        config: MappingConfig,
+        *,
+        cover_range: float | None = None,
+        min_frontier: int = 6,
+        min_remainder: float = 0.5,
+        min_gain: float = 4.0,
+        detour: float = 2.0,
+    ) -> None:
+        """Set up.
+
+        Args:
+            config: the mapping that the planner will be given.
+            cover_range: frontiers are covered from up to here, metres; 0.8 of the sensor range when not given. A
+                frontier at the very end of the range would tell nothing new from there.
+            min_frontier: a cluster of fewer frontier cells waits. It counts cells, not metres: what beams leave between
+                them are a few cells at any resolution, and a door of 0.8 m, which is three cells of 0.25 m, is eight
+                of 0.1 m.
+            min_remainder: a cluster that is shorter than this is not even taken along, metres.
+            min_gain: a viewpoint from where less unknown area can be in sight waits, square metres.
+            detour: metres that a stop for what waits may add to the tour.
+
+        Raises:
+            ConfigError: a setting is out of range.
+        """
+        cover_range = 0.8 * config.sensor_range if cover_range is None else cover_range
+        if not cover_range > 0.0:
+            raise ConfigError(f"planner 'tour': cover_range must be above 0 m, got {cover_range}")
+        for setting, value in (
+            ("min_frontier", min_frontier),
+            ("min_remainder", min_remainder),
+            ("min_gain", min_gain),
+            ("detour", detour),
+        ):
+            if not value >= 0.0:
+                raise ConfigError(f"planner 'tour': {setting} must be at least 0, got {value}")
+        self._cover_range = min(cover_range, config.observable_range)
+        self._min_frontier = min_frontier
+        self._min_remainder = min_remainder / config.resolution
+        self._min_gain = min_gain
+        self._detour = detour
+        super().__init__(config)
+
+    def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
+        """Begin an episode: forget everything; there is no chance in this planner."""
+        super().reset(task, target, seed)
+        self._held = HeldTour()
+        self._last: list[int] = []
+        self._gains: dict[int, tuple[int, float]] = {}
+
+    def choose(
+        self, mapper: Mapper, pose: Pose, candidates: NDArray[np.int64], positions: NDArray[np.float64]
+    ) -> list[int]:
+        """Return the neighbour to go to and the next stops of the tour from there."""
+        del pose
+        stops = self._held.stops(mapper, candidates, positions, lambda: self._plan(mapper, candidates, positions))
+        return stops[:STOPS_AHEAD]
+
+    def _plan(self, mapper: Mapper, candidates: NDArray[np.int64], positions: NDArray[np.float64]) -> list[int]:
+        """Return the stops of a new tour: of the rewarding ones, or where none is left of whatever is."""
+        frontiers = mapper.frontiers
+        labels = cluster_labels(mapper.belief, frontiers)
+        sizes = np.bincount(labels)[labels]
+        pointer, seen = mapper.sightings()
+        near = _within(pointer, seen, positions, frontiers, self._cover_range)
+        allowed = np.zeros(len(positions), dtype=np.bool_)
+        allowed[candidates] = True
+        large = sizes >= self._min_frontier
+        extra = sizes >= self._min_remainder
+        every = np.ones(len(frontiers), dtype=np.bool_)
+        worth = self._rewarding(mapper, near, frontiers, large, allowed)
+        for rows, viewpoints, wanted in (
+            (near, worth, large),
+            (near, allowed, large),
+            (near, allowed, every),
+            ((pointer, seen), allowed, every),
+        ):
+            if _see_any(rows, wanted)[viewpoints].any():
+                tour = _Tour(mapper, rows, labels, viewpoints, wanted, allowed, wanted | extra)
+                stops = tour.solve(self._last, self._detour)
+                if stops:
+                    self._last = _keys(positions[stops]).tolist()
+                    return stops
+        return []
+
+    def _rewarding(
+        self,
+        mapper: Mapper,
+        rows: _Rows,
+        frontiers: NDArray[np.float64],
+        wanted: NDArray[np.bool_],
+        allowed: NDArray[np.bool_],
+    ) -> NDArray[np.bool_]:
+        """Return which of the allowed viewpoints see wanted cells and could show enough behind them.
+
+        A viewpoint's gain is measured again when the frontier cells that it sees have changed.
+        """
+        nodes = np.flatnonzero(allowed & _see_any(rows, wanted))
+        positions = mapper.viewpoints[nodes]
+        keys = _keys(positions).tolist()
+        views = _digests(*rows, nodes, _keys(frontiers)).tolist()
+        known = self._gains
+        new = [k for k, (key, view) in enumerate(zip(keys, views, strict=True)) if known.get(key, _NEVER)[0] != view]
+        measured = unknown_in_sight(mapper, positions[new], self.config.sensor_range, RAYS)
+        for k, gain in zip(new, measured.tolist(), strict=True):
+            known[keys[k]] = views[k], gain
+        worth = np.zeros(len(allowed), dtype=np.bool_)
+        worth[[node for node, key in zip(nodes.tolist(), keys, strict=True) if known[key][1] >= self._min_gain]] = True
+        return worth
+
+
+class _Tour:
+    """One decision's tour over some viewpoints, which are counted in the order of their node numbers."""
+
+    def __init__(
+        self,
+        mapper: Mapper,
+        rows: _Rows,
+        labels: NDArray[np.int64],
+        viewpoints: NDArray[np.bool_],
+        wanted: NDArray[np.bool_],
+        more_viewpoints: NDArray[np.bool_],
+        also_wanted: NDArray[np.bool_],
+    ) -> None:
+        """Collect what has to be seen, and what is worth to be seen on the way.
+
+        Args:
+            mapper: updated.
+            rows: frontier cells that each node sees from near enough.
+            labels: cluster of each frontier cell, which orders the cells.
+            viewpoints: nodes that may be stops, bool, shape (nodes,).
+            wanted: frontier cells that must be seen from them, where they can, bool, shape (frontiers,).
+            more_viewpoints: nodes that may be stops on the way.
+            also_wanted: frontier cells that are worth such a stop, the wanted ones included.
+        """
+        robot = mapper.robot
+        around = mapper.observe().waypoint_nodes()
+        member = more_viewpoints & _see_any(rows, also_wanted)
+        member[around] = True
+        member[robot] = True
+        nodes = np.flatnonzero(member)
+        self.ways = Ways(mapper, nodes)
+        self.positions = mapper.viewpoints[nodes]
+        self.start, self.choices = int(np.searchsorted(nodes, robot)), np.searchsorted(nodes, around)
+        self.ways.look_up([self.start])
+        reachable = np.isfinite(self.ways.lengths[self.start])
+        self.allowed = viewpoints[nodes] & _see_any(rows, wanted)[nodes] & reachable
+        self.more = more_viewpoints[nodes] & reachable
+        # Cells of a cluster, and neighbours within a row, lie near to each other.
+        order = np.flatnonzero(also_wanted)
+        order = order[np.argsort(labels[order], kind="stable")]
+        numbers = np.full(len(labels), -1, dtype=np.int64)
+        numbers[order] = np.arange(len(order))
+        self.sight: Visibility = pack_rows(*rows, nodes, numbers)
+        self.missing = self._seen_from(self.allowed) & set_of(numbers[wanted], self.sight.tiles)
+        self.extra = self._seen_from(self.more) & ~self.missing
+
+    def solve(self, last: list[int], detour: float) -> list[int]:
+        """Return the best neighbour and the stops of the tour from there, as node numbers.
+
+        Args:
+            last: keys of the last decision's stops, in order, see `_keys`.
+            detour: metres that a stop for what need not be seen may add.
+        """
+        if not self.allowed.any():
+            return []
+        viewpoints = np.flatnonzero(self.allowed)
+        places = dict(zip(_keys(self.positions[viewpoints]).tolist(), viewpoints.tolist(), strict=True))
+        kept = np.array([places[each] for each in last if each in places], dtype=np.int64)
+        stops = self._cover(_NO_STOPS)
+        if len(kept):
+            again = self._cover(kept)
+            if self._length(again) <= self._length(stops):
+                stops = again
+        rest = self.extra.copy()
+        sight, lengths = self.sight, self.ways.lengths
+        stops = cover.take_along(
+            sight.pointer, sight.tile, sight.mask, rest, self.more, lengths, self.start, stops, detour
+        )
+        self.ways.look_up(stops)
+        # What is taken along counts like the rest from here on: no other stop is left out for it.
+        missing = self.missing | (self.extra & ~rest)
+        if stops[0] != self.start:
+            stops = self._cheapest(stops, missing)
+        return [int(node) for node in self.ways.nodes[stops]]
+
+    def _cover(self, kept: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return a short tour that covers what is missing, and begins from the order `kept`."""
+        pointer, tile, mask = self.sight.pointer, self.sight.tile, self.sight.mask
+        lengths = self.ways.lengths
+        rest = self.missing.copy()
+        remove_seen(pointer, tile, mask, kept, rest)
+        gains = cover.count_gains(pointer, tile, mask, rest, self.allowed)
+        chosen = cover.greedy_cover(pointer, tile, mask, rest, gains, np.ones(len(gains)), count_bits(rest), 0)
+        self.ways.look_up([*kept, *chosen])
+        stops = insert_all(lengths, self.start, kept, chosen)
+        for _ in range(ROUNDS):
+            before = stops
+            # Stops that have moved must know their ways before the next round.
+            stops = cover.improve_cover(
+                pointer, tile, mask, self.missing, self.allowed, lengths, self.start, before, 0, 1
+            )
+            self.ways.look_up(stops)
+            if np.array_equal(stops, before):
+                break
+        improve_tour(lengths, self.start, stops)
+        return stops
+
+    def _cheapest(self, stops: NDArray[np.int64], missing: NDArray[np.uint64]) -> NDArray[np.int64]:
+        """Return the neighbour over which the tour is shortest, and the stops that remain from there."""
+        sight, choices = self.sight, self.choices
+        allowed = self.allowed | self.more
+        orders = np.zeros((len(choices), len(stops)), dtype=np.int64)
+        sizes = np.zeros(len(choices), dtype=np.int64)
+        prices = price_choices(
+            sight.pointer, sight.tile, sight.mask, missing, allowed, self.ways.lengths, stops, choices, 0, orders, sizes
+        )
+        legs = self.ways.lengths[self.start, choices]
+        totals = legs + prices
+        # The nearest of equally good ones: the more often the robot looks around, the sooner it knows better.
+        best = int(np.argmin(np.where(totals <= totals.min() + TIE, legs, np.inf)))
+        return np.concatenate([choices[best : best + 1], orders[best, : sizes[best]]])
+
+    def _length(self, stops: NDArray[np.int64]) -> float:
+        return float(tour_length(self.ways.lengths, self.start, stops))
+
+    def _seen_from(self, viewpoints: NDArray[np.bool_]) -> NDArray[np.uint64]:
+        words = np.zeros(self.sight.tiles, dtype=np.uint64)
+        add_seen(self.sight.pointer, self.sight.tile, self.sight.mask, np.flatnonzero(viewpoints), words)
+        return words
+
+
+@njit(cache=True, nogil=True)
+def _within(
+    pointer: NDArray[np.int64],
+    seen: NDArray[np.int32],
+    positions: NDArray[np.float64],
+    frontiers: NDArray[np.float64],
+    reach: float,
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Return the rows of `Mapper.sightings` without the cells that are farther than `reach`, metres."""
+    begin = np.zeros(len(pointer), dtype=np.int64)
+    kept = np.empty(len(seen), dtype=np.int32)
+    size = 0
+    for node in range(len(positions)):
+        for k in range(pointer[node], pointer[node + 1]):
+            x = frontiers[seen[k], 0] - positions[node, 0]
+            y = frontiers[seen[k], 1] - positions[node, 1]
+            if x * x + y * y <= reach * reach:
+                kept[size] = seen[k]
+                size += 1
+        begin[node + 1] = size
+    return begin, kept[:size]
+
+
+@njit(cache=True, nogil=True)
+def _digests(
+    pointer: NDArray[np.int64], seen: NDArray[np.int32], nodes: NDArray[np.int64], cells: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return a number that tells apart which cells each of some nodes sees; never negative."""
+    digests = np.zeros(len(nodes), dtype=np.int64)
+    for n in range(len(nodes)):
+        digest = np.uint64(0)
+        for k in range(pointer[nodes[n]], pointer[nodes[n] + 1]):
+            # Multiplications by odd constants (SplitMix64) spread the bits; the sum does not depend on the order.
+            word = np.uint64(cells[seen[k]]) * np.uint64(0x9E3779B97F4A7C15)
+            word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+            digest += word ^ (word >> np.uint64(27))
+        digests[n] = np.int64(digest >> np.uint64(1))
+    return digests
+
+
+def _see_any(rows: _Rows, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which nodes see any of the wanted cells, bool, shape (nodes,)."""
+    pointer, seen = rows
+    counts = np.concatenate([[0], np.cumsum(wanted[seen])])
+    return np.asarray(counts[pointer[1:]] > counts[pointer[:-1]])
+
+
+def _keys(positions: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return a number for each position that tells places a millimetre apart, whatever the update."""
+    millimetres = np.rint(positions * 1e3).astype(np.int64)
+    return np.asarray((millimetres[:, 0] << 32) + millimetres[:, 1])

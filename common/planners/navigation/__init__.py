@@ -1,0 +1,1 @@
+"""Planners that drive to a target, and what only they need."""

@@ -1,0 +1,1 @@
+"""Policies that act: as objects, as files, and the ones that ship."""

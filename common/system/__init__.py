@@ -1,0 +1,1 @@
+"""What every program of this project needs of its process: logs, locks, threads, children, files, machine code."""

@@ -1,0 +1,41 @@
+"""Clusters of frontier cells."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from common.mapping.belief import Belief
+from common.planners.exploration.clusters import cluster_labels
+
+
+def _plain_labels(cells: list[tuple[int, int]]) -> list[set[tuple[int, int]]]:
+    left, clusters = set(cells), []
+    while left:
+        cluster, edge = set(), {left.pop()}
+        while edge:
+            cluster |= edge
+            edge = {(x + i, y + j) for x, y in edge for i in (-1, 0, 1) for j in (-1, 0, 1)} & left
+            left -= edge
+        clusters.append(cluster)
+    return clusters
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.sets(st.tuples(st.integers(0, 11), st.integers(0, 7)), min_size=1))
+def test_labels_part_cells_into_what_eight_neighbours_connect(chosen: set[tuple[int, int]]) -> None:
+    cells = sorted(chosen, key=lambda cell: cell[::-1])
+    belief = Belief(0.25, 10.0, anchor=(0.0, 0.0), bounds=(0.0, 0.0, 3.0, 2.0))
+    frontiers = (np.array(cells) + 0.5) * belief.resolution + np.array(belief.origin)
+    labels = cluster_labels(belief, frontiers).tolist()
+    found: dict[int, set[tuple[int, int]]] = {}
+    for cell, number in zip(cells, labels, strict=True):
+        found.setdefault(number, set()).add(cell)
+    assert sorted(found) == list(range(len(found)))
+    assert sorted(map(sorted, found.values())) == sorted(map(sorted, _plain_labels(cells)))
+
+
+def test_no_frontiers_have_no_labels() -> None:
+    belief = Belief(0.25, 10.0, anchor=(0.0, 0.0), bounds=(0.0, 0.0, 3.0, 2.0))
+    assert len(cluster_labels(belief, np.empty((0, 2)))) == 0

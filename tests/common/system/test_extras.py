@@ -1,0 +1,153 @@
+"""What a user sees where an optional package is missing."""
+
+import json
+import os
+import subprocess
+import sys
+from importlib.metadata import PackageNotFoundError
+
+import pytest
+
+from common.system import extras
+from common.system.extras import MissingPackageError, extras_with, install_command, optional
+
+# All that the extras bring, by the names under which they are imported.
+OPTIONAL = [
+    "PIL",
+    "psutil",
+    "yaml",
+    "torch",
+    "pybullet",
+    "tensorboard",
+    "trustme",
+    "ompl",
+    "ortools",
+    "rosbags",
+    "shapely",
+    "xxhash",
+    "onnx",
+    "onnxruntime",
+    "pyoctomap",
+    "mcap",
+    "mcap_ros2",
+    "zstandard",
+    "rerun",
+    "imageio",
+    "imageio_ffmpeg",
+    "matplotlib",
+    "scipy",
+    "mlflow",
+    "wandb",
+]
+BARE = f"""
+import sys
+for name in {OPTIONAL!r}:
+    sys.modules[name] = None
+import importlib
+module, *arguments = sys.argv[1:]
+sys.argv = [module, *arguments]
+importlib.import_module(module).app()
+"""
+
+
+def run_bare(module: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run a command as if no extra were installed."""
+    environment = os.environ | {"HD_PROCESS_PREPARED": "1", "COLUMNS": "100"}
+    return subprocess.run(
+        [sys.executable, "-c", BARE, module, *arguments], capture_output=True, text=True, env=environment, timeout=110
+    )
+
+
+@pytest.mark.parametrize("module", ["actors.cli", "actors.evaluation.cli", "learner.cli", "deploy.cli"])
+def test_help_needs_no_extra(module):
+    result = run_bare(module, "--help")
+    assert result.returncode == 0, result.stderr
+
+
+def test_planners_are_listed_without_any_extra():
+    result = run_bare("actors.evaluation.cli", "planners")
+    assert result.returncode == 0, result.stderr
+    assert "nearest" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("command", "package", "extra"),
+    [
+        (["deploy.cli", "record", "--out", "bag"], "mcap", "recording"),
+        (["deploy.cli", "topics"], "xxhash", "robot"),
+        (["deploy.cli", "robot"], "xxhash", "actor,pybullet,robot,plots"),
+        (["learner.cli", "start", "--run", "here"], "torch", "learner"),
+        (["learner.cli", "plot"], "matplotlib", "plots"),
+        (
+            ["actors.evaluation.cli", "video", "x.json", "--maps", "generator:office", "--out", "x.gif"],
+            "pillow",
+            "actor",
+        ),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else None,
+)
+def test_a_missing_package_is_one_sentence_with_what_to_install(command, package, extra, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = run_bare(*command)
+    assert result.returncode == 1
+    assert "Traceback" not in result.stderr
+    assert f"needs the package {package}, which is not installed" in result.stderr
+    assert f"[{extra}]'" in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_module_of_our_own_is_a_defect():
+    with pytest.raises(ModuleNotFoundError) as caught, optional("this"):
+        import common.no_such_module  # noqa: F401
+    assert not isinstance(caught.value, MissingPackageError)
+
+
+class Installed:
+    """Metadata of an installation."""
+
+    requires = ("numpy>=1", 'torch>=2; extra == "actor"', 'torch>=2; extra == "learner"', 'torch>=2; extra == "all"')
+
+    def __init__(self, origin: object) -> None:
+        self.origin = origin
+
+    def read_text(self, name: str) -> str | None:
+        assert name == "direct_url.json"
+        return None if self.origin is None else json.dumps(self.origin)
+
+
+def test_the_extra_is_found_in_the_metadata_and_a_wanted_one_comes_first(monkeypatch):
+    monkeypatch.setattr(extras, "distribution", lambda name: Installed(None))
+    assert extras_with("torch") == ("actor", "learner")
+    assert extras_with("torch", "learner") == ("learner", "actor")
+    assert extras_with("numpy") == ()
+
+
+def test_the_command_names_the_checkout_or_the_wheel(monkeypatch, tmp_path):
+    wheel = tmp_path / "hdplanner-1.0-py3-none-any.whl"
+    wheel.touch()
+    editable = {"url": tmp_path.as_uri(), "dir_info": {"editable": True}}
+    for origin, words in (
+        (editable, f"install -e '{tmp_path}[robot,plots]'"),
+        ({"url": wheel.as_uri(), "archive_info": {}}, f"install '{wheel}[robot,plots]'"),
+        ({"url": (tmp_path / "gone.whl").as_uri()}, "'.[robot,plots]' in the checkout (or 'FILE.whl[robot,plots]'"),
+        (None, "'.[robot,plots]' in the checkout"),
+    ):
+        monkeypatch.setattr(extras, "distribution", lambda name, origin=origin: Installed(origin))
+        assert words in install_command("robot", "plots")
+
+
+def test_without_metadata_the_command_still_says_what_to_do(monkeypatch):
+    def missing(name: str) -> Installed:
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr(extras, "distribution", missing)
+    assert "'.[robot]' in the checkout" in install_command("robot")
+
+
+def test_newer_pythons_hear_that_pybullet_has_no_wheel(monkeypatch):
+    monkeypatch.setattr(sys, "version_info", (3, 12, 1))
+    sentence = str(MissingPackageError("the simulator", "pybullet", ("pybullet",), "use --sim grid"))
+    assert sentence == (
+        "the simulator needs the package pybullet, which has no ready-made wheel for Python 3.12: use Python 3.11, or "
+        "use --sim grid"
+    )
