@@ -27,11 +27,13 @@ from learner.run.checkpoints import CheckpointStore
 from learner.run.code_state import code_state, commit_of
 from learner.run.disk import DiskWatch
 from learner.run.episodes import EpisodeLog
+from learner.run.files import DAMAGED
 from learner.run.folder import RunFolder, has_begun
 from learner.run.group_commit import GroupCommit
 from learner.run.journal import Journal
 from learner.run.summary import RunSummary, write_summary
 from learner.watch.evaluation import Round
+from learner.watch.event_file import mend_folder
 from learner.watch.recorder import LOG_EVERY, Recorder
 from learner.watch.writers import make_writers
 
@@ -170,6 +172,7 @@ class Trainer:
     def _open_records(self, episodes_length: int, updates: int) -> None:
         episodes = EpisodeLog(self.run.episodes, episodes_length, self.disk)
         self.ingest = Ingest(self.config, self.replay, self.keeper, self._journal, episodes, self._evaluators)
+        mend_folder(self.run.tensorboard, self.run.path / DAMAGED)
         writers = make_writers(self.run.path, self.config)
         self.recorder = Recorder(self.run.tensorboard, self.ingest, updates, self.disk, writers)
 
