@@ -96,6 +96,8 @@ class Trainer:
         self._rounds: list[Round] = []
         self._evaluated = -1
         self.waiting = False
+        self.held = False
+        """Another learner of the run, which began earlier, is on the network: no update is made."""
         self.ingest: Ingest
         self.recorder: Recorder
 
@@ -191,9 +193,14 @@ class Trainer:
     def data_is_ready(self) -> bool:
         """Wait a moment for the data and the ratio that the next update needs; return whether they are there.
 
-        While the disk of the run is full they are not: what would be learnt could not be kept.
+        While the disk of the run is full they are not: what would be learnt could not be kept. Nor are they while an
+        earlier learner of the run is there.
         """
-        ready = not self._wait_for_room() and self.ingest.wait(self._may_learn, _WAIT_SECONDS)
+        ready = (
+            not self._wait_for_room()
+            and not self._wait_for_earlier()
+            and self.ingest.wait(self._may_learn, _WAIT_SECONDS)
+        )
         self.waiting = not ready
         return ready
 
@@ -372,6 +379,8 @@ class Trainer:
             return "stopping"
         if self.disk.full:
             return "disk full"
+        if self.held:
+            return "held"
         if self.keeper.paused:
             return "paused"
         if self.waiting:
@@ -440,6 +449,12 @@ class Trainer:
             return False
         time.sleep(_WAIT_SECONDS)
         return True
+
+    def _wait_for_earlier(self) -> bool:
+        """Wait a moment when another learner of the run goes first; return whether one does."""
+        if self.held:
+            time.sleep(_WAIT_SECONDS)
+        return self.held
 
     def _first_checkpoint(self) -> None:
         while True:

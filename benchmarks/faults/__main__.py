@@ -128,14 +128,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     setup_logging("info")
     extent = SHORT if chosen.short else LONG
     with tempfile.TemporaryDirectory(prefix="hd-faults-") as folder:
-        rows = list(faults(chosen.names or NAMES, extent, Path(folder)))
+        rows = []
+        for row in faults(chosen.names or NAMES, extent, Path(folder)):
+            rows.append(row)
+            if chosen.page:
+                write_page([row])
     console = Console(width=int(os.environ.get("COLUMNS", "200")))
     console.print(table(rows))
     console.print(machine())
     if chosen.json:
         chosen.json.write_text(json.dumps([asdict(row) for row in rows], indent=2) + "\n", "utf-8")
-    if chosen.page:
-        write_page(rows)
     return int(any(row.wrong for row in rows))
 
 

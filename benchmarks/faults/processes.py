@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import logging
 import os
 import re
 import signal
@@ -14,6 +15,8 @@ from collections.abc import Iterator
 from benchmarks.faults.rig import FaultError, Rig
 from benchmarks.faults.table import Row
 from benchmarks.link import Link
+
+logger = logging.getLogger(__name__)
 
 
 def judged(
@@ -46,6 +49,8 @@ def judged(
         wrong.append(f"did not resume within {within:g} s")
     if "Traceback" in log:
         wrong.append("a raw traceback")
+    if wrong:
+        logger.warning("what the learner said during '%s':\n%s", fault, log[-5000:])
     return Row(fault, expected, seen, acknowledged, lost, doubled, resumes, "; ".join(wrong))
 
 

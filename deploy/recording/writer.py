@@ -64,7 +64,7 @@ class BagWriter(Closing):
             config: parameters of the robot, kept in the file.
 
         Raises:
-            RecordingError: the folder exists already or cannot be made, or the disk is full; nothing is left of it then.
+            RecordingError: the folder exists already or cannot be made, or the disk is full: nothing is left then.
         """
         self.path = path
         self.topics: dict[int, BagTopic] = {}
