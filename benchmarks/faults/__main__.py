@@ -119,6 +119,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"faults to try: {', '.join(NAMES)}; default all")
     parser.add_argument("--short", action="store_true", help="a little of each: half a minute")
+    parser.add_argument("--hostile", type=int, metavar="N", help="hostile messages, if not as many as usual")
     parser.add_argument("--page", action="store_true", help="put the rows into the table of docs/faults.md")
     parser.add_argument("--json", type=Path, help="write all rows to this file too")
     chosen = parser.parse_args(arguments)
@@ -127,6 +128,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(f"unknown fault {sorted(unknown)[0]!r}: choose from {', '.join(NAMES)}")
     setup_logging("info")
     extent = SHORT if chosen.short else LONG
+    extent = replace(extent, hostile=chosen.hostile or extent.hostile)
     with tempfile.TemporaryDirectory(prefix="hd-faults-") as folder:
         rows = []
         for row in faults(chosen.names or NAMES, extent, Path(folder)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 import tempfile
 import time
 from pathlib import Path
@@ -110,8 +111,8 @@ def _told(log: str, number: int) -> bool:
     """Whether a record is named among the losses."""
     for line in log.splitlines():
         if "lost from the journal" in line:
-            words = line.partition(" bytes: record")[2].removeprefix("s ").split(" (")[0].split(" to ")
-            if words[0].strip().isdigit() and int(words[0]) <= number <= int(words[-1]):
+            named = re.search(r" bytes: records? (\d+)(?: to (\d+))?", line)
+            if named and int(named[1]) <= number <= int(named[2] or named[1]):
                 return True
     return False
 
