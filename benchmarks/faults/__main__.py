@@ -119,16 +119,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"faults to try: {', '.join(NAMES)}; default all")
     parser.add_argument("--short", action="store_true", help="a little of each: half a minute")
-    parser.add_argument("--hostile", type=int, metavar="N", help="hostile messages, if not as many as usual")
+    fields = {name: type(value) for name, value in asdict(LONG).items()}
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="NAME=N", help=f"another extent, of {', '.join(fields)}"
+    )
     parser.add_argument("--page", action="store_true", help="put the rows into the table of docs/faults.md")
     parser.add_argument("--json", type=Path, help="write all rows to this file too")
     chosen = parser.parse_args(arguments)
-    unknown = set(chosen.names) - set(NAMES)
-    if unknown:
-        parser.error(f"unknown fault {sorted(unknown)[0]!r}: choose from {', '.join(NAMES)}")
+    if unknown := sorted(set(chosen.names) - set(NAMES)):
+        parser.error(f"unknown fault {unknown[0]!r}: choose from {', '.join(NAMES)}")
+    if unknown := sorted({text.partition("=")[0] for text in chosen.set} - fields.keys()):
+        parser.error(f"unknown extent {unknown[0]!r}: choose from {', '.join(fields)}")
     setup_logging("info")
     extent = SHORT if chosen.short else LONG
-    extent = replace(extent, hostile=chosen.hostile or extent.hostile)
+    changes = {name: fields[name](number) for name, _, number in (text.partition("=") for text in chosen.set)}
+    extent = replace(extent, **changes)
     with tempfile.TemporaryDirectory(prefix="hd-faults-") as folder:
         rows = []
         for row in faults(chosen.names or NAMES, extent, Path(folder)):
