@@ -14,6 +14,7 @@ from benchmarks.faults.table import Row
 from learner.run.records import Found, scan, segment_paths
 from tests.learner.power.failures import CannotRecordError, fail, record
 from tests.learner.power.victim import EPISODES
+from tests.rigs.learner import until
 
 
 def full(rig: Rig, seconds: float) -> Row:
@@ -40,8 +41,10 @@ def full(rig: Rig, seconds: float) -> Row:
 
 def damaged(rig: Rig, records: int, rng: random.Random) -> Row:
     """Damage every kind of file of a killed run, then resume it."""
-    rig.learner.kill()
     runs = rig.learner.run_folder
+    # One is damaged, and behind the very first one everything would come from the journal.
+    until(lambda: len(list((runs / "checkpoints").glob("[0-9]*[1-9]*"))) >= 2)
+    rig.learner.kill()
     before = rig.stored()
     names = _spoil_journal(runs / "journal", records, rng)
     lost = before.keys() - rig.stored().keys()
