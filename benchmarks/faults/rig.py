@@ -34,8 +34,8 @@ RIG_SETTINGS = [
 ]
 START_SECONDS = 200.0
 
-Key = tuple[int, int]
-"""Incarnation of an actor, and sequence number of its message."""
+Key = tuple[str, int, int]
+"""Actor, its incarnation, and the sequence number of its message, as the learner tells messages apart."""
 
 
 class FaultError(HDError):
@@ -134,8 +134,11 @@ class Rig(Closing):
         self._actors.append(actors)
         return actors
 
-    def acknowledged(self) -> dict[Key, float]:
-        """Return when each message was acknowledged, monotonic seconds."""
+    def acknowledged(self) -> dict[tuple[int, int], float]:
+        """Return when each message of an honest actor was acknowledged, monotonic seconds.
+
+        By incarnation and sequence number: no two honest actors share an incarnation.
+        """
         found = {}
         for line in self._acks.read_text("ascii").splitlines():
             incarnation, sequence, moment = line.split()
@@ -161,7 +164,7 @@ class Rig(Closing):
                     if isinstance(record, Found) and record.kind == RecordKind.DELIVERY:
                         with contextlib.suppress(MessageError):
                             delivery = decode(record.payload, Delivery)
-                            found[delivery.incarnation, delivery.sequence] = delivery
+                            found[delivery.actor, delivery.incarnation, delivery.sequence] = delivery
         return found
 
     def books(self) -> tuple[int, int, int]:
@@ -170,8 +173,8 @@ class Rig(Closing):
         state = self.status()
         # Read after the state: what it counts is there by now.
         stored = self.stored()
-        lost = known.keys() - stored.keys() - self.damaged.keys()
         ever = {**self.damaged, **stored}
+        lost = known.keys() - {(incarnation, sequence) for _, incarnation, sequence in ever}
         steps = sum(each.body.steps for each in ever.values() if isinstance(each.body, Chunk))
         episodes = sum(not isinstance(each.body, Chunk) for each in ever.values())
         doubled = max(0, state["steps"] - steps) + max(0, state["episodes"] - episodes)
