@@ -96,16 +96,19 @@ def test_the_command_says_it_in_one_line_and_leaves_a_readable_bag(small_disk):
         speaker = threading.Thread(target=publish, args=(node,))
         speaker.start()
         command = [sys.executable, "-m", "deploy.cli", "record", "--out", str(path), "--connect", endpoint]
-        process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
         try:
-            assert eventually(lambda: path.is_dir() and len(list(read_bag(path))) > 10, 100.0)
-            small_disk.fill(leave=20_000)
-            _, errors = process.communicate(timeout=60)
+            with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
+                try:
+                    assert eventually(
+                        lambda: (path / "metadata.yaml").exists() and len(list(read_bag(path))) > 10, 100.0
+                    )
+                    small_disk.fill(leave=20_000)
+                    _, errors = process.communicate(timeout=60)
+                finally:
+                    process.kill()
         finally:
             done.set()
             speaker.join()
-            process.kill()
-            process.wait()
     assert process.returncode == 1
     assert errors.count("No space left on device; make room") == 1 and "Traceback" not in errors
     small_disk.empty()
