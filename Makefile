@@ -12,7 +12,7 @@ JOBS ?= 2
 MINUTES ?= 30
 
 .DEFAULT_GOAL := help
-.PHONY: help install run demo check test test-all test-ros lint types format docs bench soak clean
+.PHONY: help install run demo check test test-all test-ros lint types format docs bench soak faults fuzz clean
 
 help:  ## show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -76,6 +76,12 @@ bench: $(STAMP)  ## measure: decision step, simulators, inference, actors, updat
 
 soak: $(STAMP)  ## half an hour of physics in which something fails every minute: a table of each stop (MINUTES=30)
 	$(BIN)/python -m benchmarks.soak --minutes $(MINUTES)
+
+faults: $(STAMP)  ## kill, freeze, cut, fill, damage and flood a training run: a table of what was lost (docs/faults.md)
+	$(BIN)/python -m benchmarks.faults
+
+fuzz: $(STAMP)  ## try all decoders with changed bytes (MINUTES=30)
+	$(BIN)/python -m tests.fuzz --minutes $(MINUTES)
 
 clean:  ## remove caches and the environment, never runs/
 	rm -rf $(VENV) $(ROS_VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis build *.egg-info

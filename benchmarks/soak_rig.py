@@ -16,7 +16,8 @@ from typing import Any, Final
 
 import psutil
 
-from benchmarks.soak_robot import Link, SoakRobot
+from benchmarks.link import Link
+from benchmarks.soak_robot import SoakRobot
 from common.bus.control import request
 from common.errors import HDError
 from common.system.closing import Closing

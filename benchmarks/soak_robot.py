@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
-import selectors
-import socket
 import threading
 import time
 from collections import deque
@@ -147,75 +144,6 @@ class SoakRobot(Closing):
             self._motions.append(Motion(time.monotonic(), self._robot.distance, *moment.velocity))
             self._interface.publish(moment, self._pace.reached)
             self._pace.wait(self._robot.time, self._stop)
-
-
-class Link(Closing):
-    """A cable between two TCP endpoints that can be cut: what is sent meanwhile waits, as on a lost radio link.
-
-    Attributes:
-        endpoint: Zenoh endpoint to connect to.
-    """
-
-    def __init__(self, target: str) -> None:
-        """Carry connections on to a Zenoh endpoint, `tcp/HOST:PORT`."""
-        host, _, port = target.removeprefix("tcp/").rpartition(":")
-        self._target = host, int(port)
-        self._server = socket.create_server(("127.0.0.1", 0))
-        self.endpoint = f"tcp/127.0.0.1:{self._server.getsockname()[1]}"
-        self._whole = threading.Event()
-        self._whole.set()
-        self._sockets: list[socket.socket] = []
-        self._closed = False
-        threading.Thread(target=self._accept, name="link", daemon=True).start()
-
-    def cut(self) -> None:
-        """Let nothing through."""
-        self._whole.clear()
-
-    def mend(self) -> None:
-        """Let everything through again."""
-        self._whole.set()
-
-    def drop(self) -> None:
-        """Break all connections off, as a restarted switch or router does."""
-        broken, self._sockets = self._sockets, []
-        for each in broken:
-            with contextlib.suppress(OSError):
-                each.shutdown(socket.SHUT_RDWR)
-
-    def close(self) -> None:
-        """End all connections; safe to call twice."""
-        self._closed = True
-        self.mend()
-        self._server.close()
-        self.drop()
-
-    def _accept(self) -> None:
-        while not self._closed:
-            try:
-                near, _ = self._server.accept()
-                far = socket.create_connection(self._target)
-            except OSError:
-                # Closed, or the robot is not there yet: Zenoh tries again.
-                continue
-            for each in (near, far):
-                each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._sockets += [near, far]
-            threading.Thread(target=self._carry, args=(near, far), daemon=True).start()
-
-    def _carry(self, near: socket.socket, far: socket.socket) -> None:
-        with near, far, selectors.DefaultSelector() as ready:
-            ready.register(near, selectors.EVENT_READ, far)
-            ready.register(far, selectors.EVENT_READ, near)
-            # A socket that is broken off, on either side, ends the connection.
-            with contextlib.suppress(OSError):
-                while True:
-                    for key, _ in ready.select():
-                        self._whole.wait()
-                        data = cast(socket.socket, key.fileobj).recv(1 << 16)
-                        if not data:
-                            return
-                        key.data.sendall(data)
 
 
 def far_places(world: GridMap, radius: float, count: int = 6) -> list[Position]:

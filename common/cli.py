@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import functools
 import io
 import sys
@@ -14,7 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
-from common.errors import HDError
+from common.errors import HDError, StorageError
 from common.registry import Registry
 from common.system.extras import MissingPackageError, extras_with, package_of
 from common.system.printable import printable
@@ -26,6 +27,8 @@ EXIT_ERROR = 1
 EXIT_INTERRUPTED = 130
 # Wide enough for every table of ours.
 _PIPE_COLUMNS: Final = 400
+# What the system says of a full disk, and of a full quota.
+_NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT)
 # Which extra the commands of a folder ask for when several bring the package.
 _FIRST_EXTRA: Final = {"actors": "actor", "learner": "learner", "deploy": "robot"}
 
@@ -85,6 +88,13 @@ def command_errors(function: Callable[P, R]) -> Callable[P, R]:
                 # A module of this project that is missing is a defect.
                 raise
             raise _ended_by(MissingPackageError("this command", package, extras[:1])) from None
+        except OSError as error:
+            if error.errno not in _NO_ROOM:
+                raise
+            where = f" in writing {error.filename}" if error.filename else ""
+            raise _ended_by(
+                StorageError(f"{error.strerror}{where}: make room on the disk, or write to another one")
+            ) from None
         except KeyboardInterrupt:
             sys.stderr.write("interrupted\n")
             raise typer.Exit(EXIT_INTERRUPTED) from None

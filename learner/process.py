@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import time
 from dataclasses import dataclass
 
 import zenoh
@@ -31,6 +32,7 @@ from learner.algorithm.factory import make_learner
 from learner.control import Control
 from learner.local_actors import LOCAL, LocalActors
 from learner.loop import train
+from learner.rivals import Rivals
 from learner.run.folder import RunFolder
 from learner.trainer import Trainer
 from learner.warmup import warm_up
@@ -78,17 +80,13 @@ class Link(Closing):
         self._reporter = reporter
         self._stack = contextlib.ExitStack()
         enter = self._stack.enter_context
+        self._learner = learner
+        self._refused = 0
         self._presence = enter(PresenceWatcher(session, run))
+        self._rivals = enter(Rivals(session, run, learner, time.time() - trainer.uptime))
         self._stats = enter(StatsTable(session, run))
-        self._server = enter(
-            ExperienceServer(
-                session,
-                run,
-                learner,
-                trainer.ingest.store,
-                when_durable=trainer.commit.when_synced if config.journal.acknowledge == "disk" else None,
-            )
-        )
+        self._server = self._open_server()
+        self._stack.callback(self._close_server)
         enter(ControlServer(session, run, Control(trainer, self.status)))
         enter(SpecServer(session, Spec(run, learner, config.model_dump_json())))
         enter(declare_presence(session, run, "learner", LEARNER))
@@ -96,13 +94,36 @@ class Link(Closing):
 
     def status(self) -> LearnerStatus:
         """Describe the learner and everybody on the bus."""
-        return self._reporter.status(self._presence.present(), self._stats.rows(), self._server.invalid.total())
+        refused = self._refused + self._server.invalid.total()
+        return self._reporter.status(self._presence.present(), self._stats.rows(), refused)
 
     def close(self) -> None:
         """Take everything off the bus; safe to call twice."""
         self._stack.close()
 
+    def _open_server(self) -> ExperienceServer:
+        trainer = self._trainer
+        return ExperienceServer(
+            self._session,
+            trainer.config.name,
+            self._learner,
+            trainer.ingest.store,
+            when_durable=trainer.commit.when_synced if trainer.config.journal.acknowledge == "disk" else None,
+        )
+
+    def _close_server(self) -> None:
+        self._server.close()
+
     def _tell(self) -> None:
+        holds = self._rivals.earlier(self._presence.present())
+        if holds != self._trainer.held:
+            self._trainer.held = holds
+            if holds:
+                # Deliveries of the actors on this side then find the way to the other learner.
+                self._close_server()
+            else:
+                self._refused += self._server.invalid.total()
+                self._server = self._open_server()
         stats = self._reporter.learner_stats(self.status())
         publish_stats(self._session, self._trainer.config.name, "learner", LEARNER, stats)
 

@@ -26,12 +26,14 @@ from learner.run.cards import PolicyCards
 from learner.run.checkpoints import CheckpointStore
 from learner.run.disk import DiskWatch
 from learner.run.episodes import EpisodeLog
+from learner.run.files import DAMAGED
 from learner.run.folder import RunFolder, has_begun
 from learner.run.group_commit import GroupCommit
 from learner.run.journal import Journal
 from learner.run.summary import RunSummary, write_summary
 from learner.watch.curve_recorder import LOG_EVERY, CurveRecorder
 from learner.watch.evaluation import Round
+from learner.watch.event_file import mend_folder
 from learner.watch.writers import make_writers
 
 logger = logging.getLogger(__name__)
@@ -82,6 +84,8 @@ class Trainer:
         self._rounds: list[Round] = []
         self._evaluated = -1
         self.waiting = False
+        self.held = False
+        """Another learner of the run, which began earlier, is on the network: no update is made."""
         self.ingest: Ingest
         self.recorder: CurveRecorder
 
@@ -142,6 +146,7 @@ class Trainer:
     def _open_records(self, episodes_length: int, updates: int) -> tuple[Ingest, CurveRecorder]:
         episodes = EpisodeLog(self.run.episodes, episodes_length, self.disk)
         self.ingest = Ingest(self.config, self.replay, self.limiter, self._journal, episodes, self._evaluators)
+        mend_folder(self.run.tensorboard, self.run.path / DAMAGED)
         writers = make_writers(self.run.path, self.config)
         self.recorder = CurveRecorder(self.run.tensorboard, self.ingest, updates, self.disk, writers)
         return self.ingest, self.recorder
@@ -161,9 +166,14 @@ class Trainer:
     def data_is_ready(self) -> bool:
         """Wait a moment for the data and the ratio that the next update needs; return whether they are there.
 
-        While the disk of the run is full they are not: what would be learnt could not be kept.
+        While the disk of the run is full they are not: what would be learnt could not be kept. Nor are they while an
+        earlier learner of the run is there.
         """
-        ready = not self._wait_for_room() and self.ingest.wait(self._may_learn, _WAIT_SECONDS)
+        ready = (
+            not self._wait_for_room()
+            and not self._wait_for_earlier()
+            and self.ingest.wait(self._may_learn, _WAIT_SECONDS)
+        )
         self.waiting = not ready
         return ready
 
@@ -292,6 +302,8 @@ class Trainer:
             return "stopping"
         if self.disk.full:
             return "disk full"
+        if self.held:
+            return "held"
         if self.limiter.paused:
             return "paused"
         if self.waiting:
@@ -339,6 +351,12 @@ class Trainer:
             return False
         time.sleep(_WAIT_SECONDS)
         return True
+
+    def _wait_for_earlier(self) -> bool:
+        """Wait a moment when another learner of the run goes first; return whether one does."""
+        if self.held:
+            time.sleep(_WAIT_SECONDS)
+        return self.held
 
     def _first_checkpoint(self) -> None:
         while True:

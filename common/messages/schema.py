@@ -94,12 +94,16 @@ def decode(data: bytes, *expected: type[Any]) -> Any:
     return message
 
 
+NO_MESSAGE = "a message that is none"
+"""What `describe_delivery` says of bytes that tell nothing."""
+
+
 def describe_delivery(data: bytes) -> str:
     """Say whose delivery some bytes are, as far as they tell, for the log: they may be no valid message."""
     try:
         fields = unpack(data, "delivery", MAX_DELIVERY)
     except MessageError:
-        return "a message that is none"
+        return NO_MESSAGE
     actor, incarnation, sequence = (fields.get(name) for name in ("actor", "incarnation", "sequence"))
     return printable(f"message {sequence!r:.30} of {actor!r:.70} (incarnation {incarnation!r:.30})")
 

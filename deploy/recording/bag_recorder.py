@@ -75,7 +75,7 @@ class BagRecorder(Closing):
         self._distro = ros.distro
         self._domain = ros.domain
         self._known: set[tuple[str, str]] = set()
-        self._broken: OSError | None = None
+        self._broken: RecordingError | None = None
         self._node = Node(guest_of(ros), "hd_recorder")
 
     def run(self, stop: threading.Event, duration: float = float("inf")) -> None:
@@ -111,14 +111,9 @@ class BagRecorder(Closing):
         Raises:
             RecordingError: it cannot be written.
         """
-        try:
-            self._bag.flush()
-        except OSError as error:
-            self._broken = error
+        self._bag.flush()
         if self._broken is not None:
-            raise RecordingError(
-                f"cannot write to {self._bag.path}: {self._broken}; what was recorded before can be read"
-            )
+            raise self._broken
 
     def close(self) -> None:
         """Leave the network; the bag stays open."""
@@ -148,7 +143,7 @@ class BagRecorder(Closing):
     def _store(self, name: str, kind: str, channel: int, payload: bytes, received: Received) -> None:
         try:
             self._bag.write(channel, payload, received.wall_time, received.source_time, received.sequence or 0)
-        except OSError as error:
+        except RecordingError as error:
             self._broken = error
         if self._listener is not None:
             self._listener(name, kind, payload, received.wall_time)

@@ -6,7 +6,7 @@ import logging
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, cast
 
 import zstandard
 from mcap.exceptions import McapError
@@ -87,17 +87,30 @@ def recover(path: Path, out: Path) -> int:
         return bag.count
 
 
+class _Bounded:
+    """A file from which nothing is read that it does not hold: a length inside a damaged record may be any number."""
+
+    def __init__(self, stream: IO[bytes], size: int) -> None:
+        self._stream = stream
+        self._size = size
+
+    def read(self, length: int) -> bytes:
+        """Return at most so many bytes; none for a negative number."""
+        left = self._size - self._stream.tell()
+        return self._stream.read(max(0, min(length, left)))
+
+
 def _copy_mcap(file: Path, bag: BagWriter) -> None:
     schemas: dict[int, Schema] = {}
     copies: dict[int, int] = {}
     for record in _records(file):
         if isinstance(record, Schema):
             schemas[record.id] = record
-        elif isinstance(record, Channel) and record.id not in copies:
+        elif isinstance(record, Channel) and record.id not in copies and record.schema_id in schemas:
             schema = schemas[record.schema_id]
             text = schema.data.decode("utf-8", "replace")
             copies[record.id] = bag.add_topic(record.topic, schema.name, RELIABLE, text)
-        elif isinstance(record, Message):
+        elif isinstance(record, Message) and record.channel_id in copies:
             copy = copies[record.channel_id]
             bag.write(copy, plain_payload(bytes(record.data)), record.log_time, record.publish_time, record.sequence)
 
@@ -137,7 +150,10 @@ def _records(path: Path) -> Iterator[Any]:
     with path.open("rb") as stream:
         if stream.read(len(_MAGIC)) != _MAGIC:
             raise RecordingError(f"{path} is no MCAP file: it begins with other bytes")
-        records = StreamReader(stream, skip_magic=True, emit_chunks=True, record_size_limit=_LARGEST_RECORD).records
+        bounded = _Bounded(stream, path.stat().st_size)
+        records = StreamReader(
+            cast(IO[bytes], bounded), skip_magic=True, emit_chunks=True, record_size_limit=_LARGEST_RECORD
+        ).records
         while True:
             try:
                 record = next(records)
@@ -151,8 +167,9 @@ def _records(path: Path) -> Iterator[Any]:
                 struct.error,
                 ValueError,
                 RuntimeError,
+                OverflowError,
             ) as error:
-                # RuntimeError is what LZ4 raises.
+                # RuntimeError is what LZ4 raises, OverflowError what a length beyond all files does.
                 position = stream.tell()
                 log.warning("%s breaks off near byte %d, the rest is lost: %s", path, position, error or "end of file")
                 return

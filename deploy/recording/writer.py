@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import shutil
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
@@ -29,7 +33,8 @@ _KINDS = {"none": CompressionType.NONE, "lz4": CompressionType.LZ4, "zstd": Comp
 class BagWriter(Closing):
     """Writes messages as they came; safe to use from several threads.
 
-    After every `flush` the file holds all that was written before it, whatever happens to this process.
+    After every `flush` the file holds all that was written before it, whatever happens to this process. A disk that
+    refuses something ends the bag there: what was flushed stays and can be read, and no more is taken.
 
     Usage::
 
@@ -59,7 +64,7 @@ class BagWriter(Closing):
             config: parameters of the robot, kept in the file.
 
         Raises:
-            RecordingError: the folder exists already or cannot be made.
+            RecordingError: the folder exists already or cannot be made, or the disk is full: nothing is left then.
         """
         self.path = path
         self.topics: dict[int, BagTopic] = {}
@@ -69,6 +74,8 @@ class BagWriter(Closing):
         self._schemas: dict[str, int] = {}
         self._start = self._end = 0
         self._closed = False
+        # Bytes of the file that are whole records, as the last flush left them.
+        self._sound = 0
         try:
             path.mkdir(parents=True)
             self._file = path / f"{path.name}_0.mcap"
@@ -76,11 +83,16 @@ class BagWriter(Closing):
         except OSError as error:
             raise RecordingError(f"cannot begin a recording in {path}: {error}; choose another --out") from None
         self._writer: Any = Writer(self._stream, chunk_size=_CHUNK, compression=_KINDS[compression])
-        self._writer.start(profile="ros2", library="hdplanner")
-        if config is not None:
-            now = time.time_ns()
-            self._writer.add_attachment(now, now, CONFIG_NAME, "application/json", config.model_dump_json().encode())
-        self.flush()
+        try:
+            with self._ending_the_bag():
+                self._writer.start(profile="ros2", library="hdplanner")
+                if config is not None:
+                    now, text = time.time_ns(), config.model_dump_json()
+                    self._writer.add_attachment(now, now, CONFIG_NAME, "application/json", text.encode())
+            self.flush()
+        except RecordingError:
+            shutil.rmtree(path)
+            raise
 
     @property
     def count(self) -> int:
@@ -120,7 +132,7 @@ class BagWriter(Closing):
             sequence: number of the message of its publisher.
 
         Raises:
-            OSError: the disk is full.
+            RecordingError: the disk is full; after that nothing is taken and nothing is raised.
         """
         with self._lock:
             if self._closed:
@@ -130,35 +142,61 @@ class BagWriter(Closing):
             self.topics[channel].count += 1
             self.size += len(payload)
             at = arrival if published is None else published
-            self._writer.add_message(channel, arrival, payload, at, sequence & 0xFFFFFFFF)
+            with self._ending_the_bag():
+                self._writer.add_message(channel, arrival, payload, at, sequence & 0xFFFFFFFF)
 
     def flush(self) -> None:
         """Bring everything into the file, and the metadata up to date.
 
         Raises:
-            OSError: the disk is full.
+            RecordingError: the disk is full.
         """
         with self._lock:
             if not self._closed:
-                self._writer.flush()
-                self._write_metadata()
+                with self._ending_the_bag():
+                    self._writer.flush()
+                    self._sound = self._stream.tell()
+                    self._write_metadata()
 
     def close(self) -> None:
-        """Write the index and close the file."""
+        """Write the index and close the file; safe to call twice.
+
+        Raises:
+            RecordingError: the disk is full; the messages that were flushed can be read.
+        """
         with self._lock:
             if self._closed:
                 return
-            self._closed = True
-            try:
+            with self._ending_the_bag():
                 self._writer.finish()
-                self._write_metadata()
-            finally:
                 self._stream.close()
+                self._closed = True
+                self._write_metadata()
+
+    @contextlib.contextmanager
+    def _ending_the_bag(self) -> Iterator[None]:
+        """Let a disk that refuses something end the bag behind its last whole record."""
+        try:
+            yield
+        except OSError as error:
+            if not self._closed:
+                self._closed = True
+                with contextlib.suppress(OSError):
+                    self._stream.close()  # it tries to write what it still holds
+                os.truncate(self._file, self._sound)
+            self._fresh_metadata.unlink(missing_ok=True)
+            raise RecordingError(
+                f"cannot write to {self.path}: {error.strerror}; make room on the disk. What was recorded before can "
+                "be read, and `hd-deploy recover` makes it a whole bag"
+            ) from error
+
+    @property
+    def _fresh_metadata(self) -> Path:
+        return self.path / "metadata.yaml.new"
 
     def _write_metadata(self) -> None:
         known = typestore(self._distro).fielddefs
         topics = [topic for topic in self.topics.values() if topic.kind in known]
         text = bag_metadata(self._file.name, topics, self._start, self._end, self._distro)
-        fresh = self.path / "metadata.yaml.new"
-        fresh.write_text(text, "utf-8")
-        fresh.replace(self.path / "metadata.yaml")
+        self._fresh_metadata.write_text(text, "utf-8")
+        self._fresh_metadata.replace(self.path / "metadata.yaml")

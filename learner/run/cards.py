@@ -24,7 +24,7 @@ class PolicyCards:
 
     def __init__(self, config: RunConfig, limiter: RateLimiter) -> None:
         self._config = config
-        self._keeper = limiter
+        self._limiter = limiter
         self.commit = commit_of(code_state())
         self._began = time.monotonic()
         self.earlier_seconds = 0.0
@@ -55,7 +55,7 @@ class PolicyCards:
             mapping=config.mapping,
             version=version,
             updates=updates,
-            steps=self._keeper.steps,
+            steps=self._limiter.steps,
             averaged=bool(config.learner.average_decay),
             commit=self.commit,
             created=time.strftime("%Y-%m-%dT%H:%M:%S%z"),

@@ -32,6 +32,8 @@ from typing import NamedTuple
 SUFFIX = ".log"
 MAX_RECORD = 256 << 20
 MARKER_BYTES = 8
+MAX_REMAINS = 20
+"""Records of which something is told in one piece of damage."""
 
 _HEAD = struct.Struct("<8sQIII")
 _CHECKED = _HEAD.size - 4
@@ -72,11 +74,13 @@ class Damage(NamedTuple):
         start: first byte.
         end: byte behind the last: where the next sound record begins, or the end of the file.
         torn: the beginning of a record that ends with the file, which a writer that died has left behind.
+        remains: (number, payload) of the first records in it whose head is sound; the payload is damaged or cut off.
     """
 
     start: int
     end: int
     torn: bool
+    remains: tuple[tuple[int, bytes], ...] = ()
 
 
 def segment_name(number: int, marker: bytes) -> str:
@@ -136,7 +140,8 @@ def _scan(content: mmap.mmap, marker: bytes) -> Iterator[Found | Damage]:
         record = _read(content, marker, position)
         if record is None:
             end = _next_sound(content, marker, position + 1)
-            yield Damage(position, end, end == len(content) and _is_torn(content, marker, position))
+            torn = end == len(content) and _is_torn(content, marker, position)
+            yield Damage(position, end, torn, () if torn else _remains(content, marker, position, end))
             position = end
         else:
             yield record
@@ -164,6 +169,20 @@ def _next_sound(content: mmap.mmap, marker: bytes, position: int) -> int:
             return position
         position += 1
     return len(content)
+
+
+def _remains(content: mmap.mmap, marker: bytes, position: int, end: int) -> tuple[tuple[int, bytes], ...]:
+    """What is left of the records in some damaged bytes."""
+    found: list[tuple[int, bytes]] = []
+    while len(found) < MAX_REMAINS and (position := content.find(marker, position, end)) >= 0:
+        head = content[position : position + _HEAD.size]
+        position += 1
+        if len(head) == _HEAD.size:
+            _, number, length, _, own = _HEAD.unpack(head)
+            if zlib.crc32(head[:_CHECKED]) == own and 0 < length <= MAX_RECORD:
+                start = position - 1 + _HEAD.size
+                found.append((number, content[start + 1 : min(start + length, end)]))
+    return tuple(found)
 
 
 def _is_torn(content: mmap.mmap, marker: bytes, position: int) -> bool:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from common.bus.seen import SeenSet
+from common.messages.schema import NO_MESSAGE, describe_delivery
 from learner.run.files import replace_bytes, set_aside, sync_path
 from learner.run.records import Found, scan
 
@@ -28,6 +29,8 @@ class Loss:
         first: number of the first record that is missing, -1 where it is not known.
         count: records that are missing, None where it is not known, as at the end of a journal.
         reason: what is wrong with them.
+        last: number of the last record that is known to have been there, -1 for none.
+        messages: whose they were, as far as what is left of them tells; it may be wrong.
     """
 
     segment: str
@@ -36,6 +39,8 @@ class Loss:
     first: int
     count: int | None
     reason: str
+    last: int = -1
+    messages: tuple[str, ...] = ()
 
     @property
     def file(self) -> str:
@@ -43,13 +48,18 @@ class Loss:
         return f"{Path(self.segment).stem}-at-{self.start}.bin"
 
     def __str__(self) -> str:
-        if self.count is None:
-            records = "an unknown number of records"
+        if self.count is None and self.last >= 0:
+            first = self.first if self.first >= 0 else self.last
+            records = f"records {first} to {self.last}" if first < self.last else f"record {self.last}"
+            records += " and perhaps others beside"
+        elif self.count is None:
+            records = "an unknown number of records" + (f" from {self.first} on" if self.first >= 0 else "")
         elif self.count == 1:
             records = f"record {self.first}"
         else:
             records = f"records {self.first} to {self.first + self.count - 1}" if self.count else "no record"
-        return f"{self.segment} from byte {self.start}, {self.length} bytes: {records} ({self.reason})"
+        told = f", by what is left of them {'; '.join(self.messages)}" if self.messages else ""
+        return f"{self.segment} from byte {self.start}, {self.length} bytes: {records} ({self.reason}{told})"
 
 
 class Review(NamedTuple):
@@ -99,7 +109,9 @@ def review(segments: Mapping[int, Path], poison: Poison | None = None) -> Review
                 torn = part.end - part.start
             else:
                 reason = "unfinished" if part.torn else "damaged"
-                losses.append(Loss(path.name, part.start, part.end - part.start, expected, None, reason))
+                last = part.remains[-1][0] if part.remains else -1
+                told = tuple(text for _, payload in part.remains if (text := describe_delivery(payload)) != NO_MESSAGE)
+                losses.append(Loss(path.name, part.start, part.end - part.start, expected, None, reason, last, told))
         if len(losses) > before:
             keep[path] = parts
     return Review(losses, sound, max(expected, 0), torn, keep)

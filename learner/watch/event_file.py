@@ -7,6 +7,7 @@ TensorBoard reads up to the first damaged record.
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import platform
 import struct
@@ -16,12 +17,14 @@ from itertools import count
 from pathlib import Path
 
 from tensorboard.compat.proto.event_pb2 import Event
-from tensorboard.compat.tensorflow_stub.pywrap_tensorflow import masked_crc32c
 
 from common.errors import StorageError
 from common.system.closing import Closing
 from learner.run.disk import DiskWatch
 from learner.run.files import replace_bytes, set_aside, sync_descriptor, write_all
+from learner.watch.crc32c import masked_crc32c
+
+logger = logging.getLogger(__name__)
 
 PATTERN = "events.out.tfevents.*"
 MAX_WAITING = 1 << 20
@@ -48,7 +51,7 @@ class EventFile(Closing):
     """
 
     def __init__(self, folder: Path, disk: DiskWatch) -> None:
-        name = f"events.out.tfevents.{time.time():010.0f}.{platform.node()}.{os.getpid()}.{next(_numbers)}"
+        name = f"events.out.tfevents.{time.time():010.0f}.{platform.node()}.{os.getpid()}.{next(_numbers):04d}"
         self._path = folder / name
         self._disk = disk
         self._waiting: list[bytes] = []
@@ -134,6 +137,20 @@ def mend_events(path: Path, aside: Path, *, dry: bool = False) -> int:
         set_aside(aside, f"{path.name}.bin", b"".join(content[start:end] for start, end in gaps))
         replace_bytes(path, b"".join(content[start:end] for start, end in parts))
     return lost
+
+
+def mend_folder(folder: Path, aside: Path) -> None:
+    """Mend the event files of a folder and say what was lost; what a full disk keeps from being mended is said too."""
+    for path in sorted(folder.glob(PATTERN)):
+        try:
+            lost = mend_events(path, aside)
+        except OSError as error:
+            logger.error(
+                "cannot mend %s: %s; `hd-learner doctor --repair` does once there is room", path, error.strerror
+            )
+            continue
+        if lost:
+            logger.error("%s: %d damaged bytes hid the points behind them; they are kept in %s", path, lost, aside)
 
 
 def _end_of_record(content: bytes, position: int) -> int:

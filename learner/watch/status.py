@@ -56,8 +56,8 @@ class LearnerStatus:
         run: name of the run.
         folder: of the run.
         endpoint: where it listens; empty in serial mode.
-        state: ``collecting``, ``cloning``, ``training``, ``waiting``, ``paused``, ``disk full``, ``stopping`` or
-            ``complete``.
+        state: ``collecting``, ``cloning``, ``training``, ``waiting``, ``paused``, ``disk full``, ``held``, ``stopping``
+            or ``complete``.
         device: of the networks.
         uptime: seconds.
         steps: collected steps of the run.

@@ -34,6 +34,7 @@ _STATE_STYLE = {
     "paused": "bold magenta",
     "stopping": "bold red",
     "disk full": "bold red",
+    "held": "bold red",
 }
 _GROUP_TITLE = {"train": "policy, training", "expert": "expert, training", "evaluate": "evaluation"}
 

@@ -1,5 +1,6 @@
 """What a user sees when a command fails."""
 
+import errno
 import io
 import os
 import subprocess
@@ -19,6 +20,11 @@ from common.errors import ConfigError
     [
         (ConfigError("a.b: expected [1], got x"), 1, "error: a.b: expected [1], got x"),
         (KeyboardInterrupt(), 130, "inter"),
+        (
+            OSError(errno.ENOSPC, "No space left on device", "runs/demo/verdict.json"),
+            1,
+            "runs/demo/verdict.json: make room",
+        ),
     ],
 )
 def test_errors_are_one_line_and_a_non_zero_exit(error, code, words):
@@ -33,6 +39,15 @@ def test_errors_are_one_line_and_a_non_zero_exit(error, code, words):
     assert result.exit_code == code
     assert words in result.stderr
     assert "Traceback" not in result.output
+
+
+def test_other_errors_of_the_system_are_not_hidden():
+    @command_errors
+    def command() -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    with pytest.raises(OSError, match="Input/output"):
+        command()
 
 
 def test_names_between_colons_stay_as_they_are(capsys) -> None:

@@ -3,7 +3,6 @@
 import contextlib
 import json
 import os
-import shutil
 import subprocess
 import sys
 import threading
@@ -23,40 +22,19 @@ from learner.run import disk
 from learner.run.folder import RunFolder
 from learner.serial import SerialTrainer
 from tests.learner.runs import episodes, make_trainer, small_config, train_some
-from tests.learner.test_process import Learner
-
-MEGABYTE = 1 << 20
-
-
-class SmallDisk:
-    """A file system of a few megabytes, which can be filled and emptied."""
-
-    def __init__(self, path):
-        self.path = path
-        self._ballast = path / "ballast"
-
-    def fill(self, leave=0):
-        size = max(0, shutil.disk_usage(self.path).free - leave)
-        # Somebody else may take the last of it meanwhile.
-        with contextlib.suppress(OSError), self._ballast.open("wb", buffering=0) as file:
-            while size > 0:
-                size -= file.write(bytes(size))
-
-    def empty(self):
-        self._ballast.unlink()
+from tests.rigs.disk import MountRefusedError, mounted
+from tests.rigs.learner import Learner
 
 
 @pytest.fixture
 def small_disk(tmp_path, monkeypatch):
     """8 MB; probing for room is quick."""
     monkeypatch.setattr(disk, "_PROBE_SECONDS", 0.05)
-    folder = tmp_path / "disk"
-    folder.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=8m", "tmpfs", str(folder)], capture_output=True)
-    if mounted.returncode:
-        pytest.skip(f"mounting a small file system is not allowed here: {mounted.stderr.decode().strip()}")
-    yield SmallDisk(folder)
-    subprocess.run(["umount", "-l", str(folder)], check=True)
+    try:
+        with mounted(tmp_path / "disk", 8) as disk_of_8_mb:
+            yield disk_of_8_mb
+    except MountRefusedError as error:
+        pytest.skip(str(error))
 
 
 @contextlib.contextmanager

@@ -21,58 +21,7 @@ from common.messages.schema import encode
 from common.messages.stats import LearnerStats
 from tests.learner.experience import episode_report
 from tests.learner.runs import episodes
-
-SETTINGS = [
-    "network.width=16",
-    "network.heads=2",
-    "network.layers=1",
-    "learner.batch_size=4",
-    "learner.threads=1",
-    "learner.updates_per_step=0.05",
-    "replay.min_steps=16",
-    "checkpoints.every_seconds=0.3",
-]
-
-
-class Learner:
-    """One run's learner, started, killed and asked as a user does."""
-
-    def __init__(self, folder):
-        self.folder = folder
-        with socket.socket() as found:
-            found.bind(("127.0.0.1", 0))
-            self.endpoint = f"tcp/127.0.0.1:{found.getsockname()[1]}"
-        self.log = folder / "learner.log"
-        self.process = None
-
-    def command(self, *arguments):
-        return [sys.executable, "-m", "learner", *arguments]
-
-    def run(self, *arguments):
-        return subprocess.run(self.command(*arguments), cwd=self.folder, capture_output=True, text=True, timeout=100)
-
-    def launch(self, verb):
-        settings = [part for setting in SETTINGS for part in ("--set", setting)] if verb == "start" else []
-        with self.log.open("a") as log:
-            self.process = subprocess.Popen(
-                self.command(verb, "--run", "test", "--listen", self.endpoint, *settings),
-                cwd=self.folder,
-                stdout=log,
-                stderr=log,
-            )
-
-    def ask(self, verb, *options):
-        done = self.run(verb, "--run", "test", "--connect", self.endpoint, "--timeout", "60", *options)
-        assert done.returncode == 0, done.stderr + self.log.read_text()
-        return done.stdout
-
-    def status(self):
-        return json.loads(self.ask("status", "--json"))
-
-    def end(self):
-        if self.process is not None and self.process.poll() is None:
-            self.process.kill()
-            self.process.wait()
+from tests.rigs.learner import Learner, until
 
 
 @pytest.fixture
@@ -80,13 +29,6 @@ def learner(tmp_path):
     made = Learner(tmp_path)
     yield made
     made.end()
-
-
-def until(condition, seconds=60.0):
-    deadline = time.monotonic() + seconds
-    while not (found := condition()) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    return found
 
 
 @pytest.mark.slow
@@ -106,8 +48,7 @@ def test_kill_at_any_moment_loses_nothing_and_counts_nothing_twice(learner):
             goal = part * 60 + random.randrange(5, 50)
             assert until(lambda goal=goal: sender.acknowledged >= goal), learner.log.read_text()
             time.sleep(random.uniform(0.0, 0.5))  # checkpoints are written three times a second
-            learner.process.send_signal(signal.SIGKILL)
-            learner.process.wait()
+            learner.kill()
             learner.launch("resume")
         assert sender.flush(60.0), learner.log.read_text()
         assert (sender.acknowledged, sender.refused) == (180, 0)

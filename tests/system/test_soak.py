@@ -9,10 +9,11 @@ pytest.importorskip("pybullet", reason="PyBullet is not installed")
 
 from rich.console import Console
 
+from benchmarks.link import Link
 from benchmarks.soak import growth, soak, table
 from benchmarks.soak_faults import FAULTS
 from benchmarks.soak_rig import Rig
-from benchmarks.soak_robot import Link, Motion, standstill, way
+from benchmarks.soak_robot import Motion, standstill, way
 from deploy.robot.options import RobotOptions
 
 

@@ -1,87 +1,17 @@
 """A machine that loses its power at any moment, on a disk that keeps nothing but what was synced."""
 
-import os
-import random
-import shutil
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 
-from common.messages.experience import Chunk
-from learner.run.folder import RunFolder
-from tests.learner.power.disk_model import DiskModel, read_log
-from tests.learner.power.victim import CONFIG, EPISODES
-from tests.learner.runs import episodes, make_trainer
-
-SOURCE = Path(__file__).with_name("record_io.c")
+from tests.learner.power.failures import CannotRecordError, fail, record
+from tests.learner.power.victim import EPISODES
 
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    """The recorded folder's root, its inode, and all operations of a run."""
-    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-    if compiler is None or not sys.platform.startswith("linux"):
-        pytest.skip("recording file operations needs Linux and a C compiler (cc, gcc or clang)")
-    folder = tmp_path_factory.mktemp("power")
-    library, root, log = folder / "record_io.so", folder / "disk", folder / "operations"
-    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", library, SOURCE, "-ldl", "-lpthread"], check=True)
-    root.mkdir()
-    environment = {**os.environ, "LD_PRELOAD": str(library), "HD_IO_ROOT": str(root), "HD_IO_LOG": str(log)}
-    command = [sys.executable, "-m", "tests.learner.power.victim", str(root), "1"]
-    subprocess.run(command, env=environment, check=True, timeout=200)
-    return root, root.stat().st_ino, read_log(log)
-
-
-def fail(recording, points, seed, folder, word="stored"):
-    """Let the power fail at random moments; return which acknowledged deliveries each has cost.
-
-    The learner is started again on what each failure left, and the actors deliver again what they have no
-    acknowledgement for: every step must be counted once in the end.
-    """
-    root, inode, operations = recording
-    chance = random.Random(seed)
-    moments = sorted(chance.randrange(len(operations) + 1) for _ in range(points))
-    made = episodes(EPISODES)
-    model = DiskModel(root)
-    model.learn_root(inode)
-    done, lost = 0, []
-    for number, moment in enumerate(moments):
-        for operation in operations[done:moment]:
-            model.replay(operation)
-        done = max(done, moment)
-        left = folder / str(number)
-        left.mkdir()
-        model.crash(left, chance)
-        acknowledged = {int(mark.split()[1]) for mark in model.marks if mark.startswith(word)}
-        lost.append(acknowledged - recovered(left, made, acknowledged))
-        shutil.rmtree(left)
-    return lost
-
-
-def recovered(left, made, acknowledged):
-    """Start again as a user does; return the sequence numbers of the deliveries that are there."""
-    runs = left / "runs"
-    begun = (runs / CONFIG.name).exists()
-    with RunFolder.open(runs, CONFIG.name) if begun else RunFolder.create(runs, CONFIG) as run:
-        trainer, _ = make_trainer(run)
-        trainer.resume()
-        there = {d.sequence for d in made if (d.actor, d.incarnation, d.sequence) in trainer.ingest._seen}
-        assert trainer.limiter.steps == sum(d.body.steps for d in made if d.sequence in there and is_chunk(d))
-        for delivery in made:
-            if delivery.sequence not in acknowledged:
-                trainer.ingest.store(delivery)
-        if there >= acknowledged:
-            assert trainer.limiter.steps == 8 * EPISODES
-            assert trainer.ingest.episode_count == EPISODES
-            assert sum(bool(line.strip()) for line in run.episodes.read_text().splitlines()) == EPISODES
-        trainer.close()
-    return there
-
-
-def is_chunk(delivery):
-    return isinstance(delivery.body, Chunk)
+    try:
+        return record(tmp_path_factory.mktemp("power"))
+    except CannotRecordError as error:
+        pytest.skip(str(error))
 
 
 def test_a_power_failure_costs_nothing_that_was_acknowledged(recording, tmp_path):

@@ -13,11 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from common.errors import CheckpointError, StorageError
+from common.messages.schema import encode
 from learner.run import journal as journal_module
 from learner.run.files import DAMAGED
 from learner.run.group_commit import GroupCommit
 from learner.run.journal import Journal
 from learner.run.records import RecordKind, encode_record, scan
+from tests.learner.runs import episodes
 
 PAYLOADS = [b"one", b"", b"three" * 1000, bytes(range(256))]
 
@@ -137,6 +139,28 @@ def test_damage_in_any_segment_is_told_and_costs_nothing_else(tmp_path, caplog):
         assert [(loss.first, loss.count) for loss in journal.losses] == [(1, 1), (7, 1), (10, None)]
     assert f"{middle.name} from byte {3 * RECORD_BYTES}, {RECORD_BYTES} bytes: record 7 (damaged)" in caplog.text
     assert (tmp_path / DAMAGED / f"{last.stem}-at-{2 * RECORD_BYTES}.bin").read_bytes() == b"nonsense"
+
+
+def test_damage_at_the_very_end_tells_whose_messages_were_there(tmp_path, caplog):
+    folder = tmp_path / "journal"
+    made = episodes(2)
+    write(folder, [encode(delivery) for delivery in made])
+    (segment,) = folder.iterdir()
+    content = bytearray(segment.read_bytes())
+    records = list(scan(segment))
+    # One bit in the last reward of each of the last two chunks, and the report behind them.
+    for record in records[-3:]:
+        at = content.index(b"rewards", record.start) + 20 if b"rewards" in record.payload else record.end - 2
+        content[at] ^= 1
+    segment.write_bytes(content)
+    with Journal(folder) as journal:
+        (loss,) = journal.losses
+    assert (loss.first, loss.count, loss.last) == (len(made) - 3, None, len(made) - 1)
+    assert (
+        f"records {len(made) - 3} to {len(made) - 1} and perhaps others beside (damaged, by what is left" in caplog.text
+    )
+    for delivery in made[-3:]:
+        assert f"message {delivery.sequence} of 'desk-0' (incarnation 7)" in caplog.text
 
 
 def test_a_payload_cannot_pose_as_records(tmp_path):

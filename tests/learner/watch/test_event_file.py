@@ -3,9 +3,11 @@ import os
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+from learner.run.folder import RunFolder
 from learner.watch import event_file
 from learner.watch.event_file import PATTERN, mend_events
 from learner.watch.metrics import Curves
+from tests.learner.runs import episodes, make_trainer, small_config, train_some
 
 
 def curves(folder, points=20):
@@ -67,3 +69,33 @@ def test_damage_in_the_middle_hides_nothing_behind_it(tmp_path, damage):
         assert after[-1] == 19 > before[-1]
     assert sum(kept.stat().st_size for kept in (tmp_path / "damaged").iterdir()) == lost
     assert mend_events(file, tmp_path / "damaged") == 0
+
+
+def test_a_resumed_run_shows_the_points_behind_damage(tmp_path, caplog):
+    with RunFolder.create(tmp_path, small_config()) as run:
+        trainer, _ = make_trainer(run)
+        trainer.begin()
+        for delivery in episodes(20):
+            trainer.ingest.store(delivery)
+        train_some(trainer, 60)
+        trainer.checkpoint()
+        trainer.close()
+        (file,) = run.tensorboard.glob(PATTERN)
+        whole = [event.step for event in points(run.tensorboard)]
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 4
+    file.write_bytes(content)
+    with RunFolder.open(tmp_path, "test") as run:
+        trainer, _ = make_trainer(run)
+        trainer.resume()
+        trainer.close()
+        assert len(points(run.tensorboard)) >= len(whole) - 1
+        assert points(run.tensorboard)[-1].step == whole[-1]
+        assert "damaged bytes hid the points behind them" in caplog.text
+        assert any((run.path / "damaged").iterdir())
+
+
+def points(folder):
+    read = EventAccumulator(str(folder))
+    read.Reload()
+    return read.Scalars("collect/steps")

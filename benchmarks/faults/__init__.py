@@ -1,0 +1,1 @@
+"""Everything that may fail while a run trains, tried on real processes: ``make faults``, docs/faults.md."""
