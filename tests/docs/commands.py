@@ -212,15 +212,22 @@ def _check_value(script: str, parameter: Any, value: str) -> None:
             raise BadCommandError(f"{parameter.opts[0]} does not take {value!r}") from None
 
 
+@cache
+def _fuzzer() -> dict[str, ast.Module]:
+    """Return the one program that lies beside the tests."""
+    return {"tests.fuzz.__main__": ast.parse((ROOT / "tests" / "fuzz" / "__main__.py").read_text("utf-8"))}
+
+
 def _check_module(name: str, arguments: list[str]) -> None:
     if name == "pytest":
         _check_files(arguments)
     elif name in _PROGRAMS:
         _check_program(name, arguments)
     elif name.partition(".")[0] in FOLDERS:
-        if not {name, f"{name}.__main__"} & set(modules()) and not (ROOT / f"{name.replace('.', '/')}.py").exists():
+        known_modules = {**modules(), **_fuzzer()}
+        if not {name, f"{name}.__main__"} & set(known_modules) and not (ROOT / f"{name.replace('.', '/')}.py").exists():
             raise BadCommandError(f"there is no module {name}")
-        main = modules().get(f"{name}.__main__", modules().get(name))
+        main = known_modules.get(f"{name}.__main__", known_modules.get(name))
         known = {str(node.value) for node in ast.walk(main or ast.Module([], [])) if isinstance(node, ast.Constant)}
         for word in arguments:
             if re.match(r"--[a-z]", word) and word.partition("=")[0] not in known:
