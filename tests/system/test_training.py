@@ -120,7 +120,7 @@ def test_training_survives_the_death_of_an_actor_and_of_the_learner(system):
     )
     versions = {name: actor["version"] for name, actor in alive(status).items()}
 
-    victim = psutil.Process(actors.pid).children()[0]
+    victim = next(child for child in psutil.Process(actors.pid).children() if "actors.process" in child.cmdline())
     victim.kill()
     status = system.wait_for(lambda s: s["steps"] >= 900, 60)
 
