@@ -125,6 +125,11 @@ class LearnedPlanner:
         self._forget()
 
     @property
+    def _guards(self) -> bool:
+        """Whether a guard stands before the policy."""
+        return self._shipped and self._end_cycles
+
+    @property
     def name(self) -> str:
         """Name by which commands and results files call it; it tells whether the rule against cycles is off."""
         return "hdplanner" if self._end_cycles else "hdplanner-bare"
@@ -135,9 +140,14 @@ class LearnedPlanner:
         return shipped_tasks() if self.card is None or self._shipped else self.card.tasks
 
     def mapping_for(self, task: TaskName) -> MappingConfig:
-        """Return the mapping to give it: the configured one, with utilities and beacons as the policy learnt them."""
+        """Return the mapping to give it: the configured one, with utilities and beacons as the policy learnt them.
+
+        Where the guard leaves a whole episode to the classical planner, that one gets its own mapping.
+        """
         card = self._read_shipped(task)[1] if self._shipped else self.card
-        return self._config if card is None else self._config.with_planning_set_of(card.mapping)
+        if card is None or (self._guards and not of_known_scale(card, self._config)):
+            return self._config
+        return self._config.with_planning_set_of(card.mapping)
 
     def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
         """Begin an episode: forget everything; greedy decisions need no chance, so the seed changes nothing.
@@ -154,7 +164,7 @@ class LearnedPlanner:
             reference = ReferenceRoute(self.mapping_for(task))
             reference.reset(task, target)
             self._reference = reference
-        elif self._shipped and self._end_cycles:
+        elif self._guards:
             assert self.card is not None
             self._depth = Depth(self._config, known_scale=of_known_scale(self.card, self._config))
             kind = find_task(task)
@@ -256,7 +266,7 @@ class LearnedPlanner:
         if task not in self._read:
             self._read[task] = read_policy(shipped_policy(task))
             card = self._read[task][1]
-            if self._end_cycles and not of_known_scale(card, self._config):
+            if self._guards and not of_known_scale(card, self._config):
                 log.info(
                     "cells or viewpoints are of another scale than the shipped policy was trained with: %s decides",
                     find_task(task).reference,

@@ -113,3 +113,5 @@ def test_cells_and_spacing_of_another_scale_are_no_place_for_a_shipped_policy(
         assert plan.waypoint is not None
         environment.step_to(plan.waypoint, plan.via)
     assert (learned.attention is not None) == within
+    # The classical planner that decides alone gets the mapping that was asked for, and so drives as by itself.
+    assert within or fitting == mapping
