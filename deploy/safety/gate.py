@@ -12,6 +12,7 @@ from typing import Any, Final
 from common.errors import ConfigError, HDError
 from common.system.closing import Closing
 from common.system.runtime import python_module
+from common.system.threads import Complaints
 from deploy.config import DeployConfig
 from deploy.network_config import RosConfig
 from deploy.ros2 import Node
@@ -82,6 +83,7 @@ class VelocityGate(Closing):
         self._heard = time.monotonic()
         self._closed = threading.Event()
         self._fallback: VelocityOutput | None = None
+        self._cannot_stop = Complaints("stopping the robot without a watchdog")
         self._last_hold: str | None = None
         self._latched = ""
         self._channel, self._process = self._start("")
@@ -251,8 +253,11 @@ class VelocityGate(Closing):
     def _stop_the_robot(self) -> None:
         """Do the watchdog's work for as long as it cannot."""
         if self._fallback is not None:
-            self._fallback.velocity(0.0, 0.0)
-            self._fallback.stop(STOP_ALL)
+            # Whether it can publish or not, another watchdog must be started.
+            with self._cannot_stop:
+                self._fallback.velocity(0.0, 0.0)
+            with self._cannot_stop:
+                self._fallback.stop(STOP_ALL)
 
     def _kill(self) -> None:
         self._process.kill()

@@ -1,4 +1,6 @@
+import os
 import select
+import signal
 import subprocess
 import sys
 
@@ -7,9 +9,10 @@ import pytest
 from common.errors import ConfigError
 from deploy.config import DeployConfig
 from deploy.network_config import RosConfig
+from deploy.ros2 import Node
 from deploy.safety.channel import Channel
 from deploy.safety.gate import SafetyError, VelocityGate, behind_watchdog
-from tests.common.bus.processes import free_port
+from tests.common.bus.processes import eventually, free_port
 
 
 def test_packets_arrive_whole_and_in_order():
@@ -96,3 +99,14 @@ def test_reason_of_a_watchdog_that_cannot_start_is_told():
     config = DeployConfig(ros={"connect": (f"tcp/127.0.0.1:{free_port()}",)}, topics={"scan": "/no good"})
     with pytest.raises(SafetyError, match="letters, digits"):
         VelocityGate(config)
+
+
+def test_a_bridge_that_cannot_publish_still_replaces_a_dead_watchdog():
+    config = DeployConfig(ros=RosConfig(listen=(f"tcp/127.0.0.1:{free_port()}",), connect=()))
+    with VelocityGate(config) as gate:
+        with Node(behind_watchdog(config.ros), "bridge") as node:
+            gate.use_when_watchdog_dies(node)
+        # What the bridge would stop the robot with is closed now, as in the moment of its own end.
+        dead = gate.pid
+        os.kill(dead, signal.SIGKILL)
+        assert eventually(lambda: gate.pid != dead and gate.state.alive, 60.0)
