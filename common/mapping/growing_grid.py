@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import ClassVar, NoReturn
 
 from common.errors import MappingError
 from common.mapping.sight import Box
 
 
-class GrowingGrid:
+class GrowingGrid(ABC):
     """Cells numbered from a fixed anchor; a rectangle of them is allocated. Not thread-safe.
 
     Subclasses hold the cells, and move them in `_move`. Cell (row, column) of the rectangle covers
@@ -87,6 +88,7 @@ class GrowingGrid:
         changed, self._changed = self._changed, None
         return changed
 
+    @abstractmethod
     def _move(self, before: tuple[int, int, int, int] | None) -> None:
         """Allocate arrays of the new shape and copy the old ones into them.
 
@@ -94,7 +96,6 @@ class GrowingGrid:
             before: rows (from, to) and columns (from, to) at which the old cells lie in the new arrays; None without
                 old ones.
         """
-        raise NotImplementedError
 
     def _refuse(self, rows: float, columns: float) -> NoReturn:
         raise MappingError(

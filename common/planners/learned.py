@@ -125,11 +125,6 @@ class LearnedPlanner:
         self._forget()
 
     @property
-    def _guards(self) -> bool:
-        """Whether a guard stands before the policy."""
-        return self._shipped and self._end_cycles
-
-    @property
     def name(self) -> str:
         """Name by which commands and results files call it; it tells whether the rule against cycles is off."""
         return "hdplanner" if self._end_cycles else "hdplanner-bare"
@@ -145,7 +140,7 @@ class LearnedPlanner:
         Where the guard leaves a whole episode to the classical planner, that one gets its own mapping.
         """
         card = self._read_shipped(task)[1] if self._shipped else self.card
-        if card is None or (self._guards and not of_known_scale(card, self._config)):
+        if card is None or self._leaves_all(card):
             return self._config
         return self._config.with_planning_set_of(card.mapping)
 
@@ -159,14 +154,14 @@ class LearnedPlanner:
         check_task(self.name, self.tasks, task)
         if self._shipped:
             self.policy, self.card = self._read_shipped(task)
+        assert self.card is not None
         self._forget()
         if self.policy.config.features == "guided":
             reference = ReferenceRoute(self.mapping_for(task))
             reference.reset(task, target)
             self._reference = reference
-        elif self._guards:
-            assert self.card is not None
-            self._depth = Depth(self._config, known_scale=of_known_scale(self.card, self._config))
+        elif self._guards(self.card):
+            self._depth = Depth(self._config, known_scale=not self._leaves_all(self.card))
             kind = find_task(task)
             self._classical = make_planner(kind.reference, self.mapping_for(task))
             self._classical.reset(kind.asked_of(kind.reference, self._classical.tasks), target, 0)
@@ -266,7 +261,7 @@ class LearnedPlanner:
         if task not in self._read:
             self._read[task] = read_policy(shipped_policy(task))
             card = self._read[task][1]
-            if self._guards and not of_known_scale(card, self._config):
+            if self._leaves_all(card):
                 log.info(
                     "cells or viewpoints are of another scale than the shipped policy was trained with: %s decides",
                     find_task(task).reference,
@@ -274,6 +269,14 @@ class LearnedPlanner:
             else:
                 warn_of_other_mapping(card, self._config)
         return self._read[task]
+
+    def _guards(self, card: PolicyCard) -> bool:
+        """Whether a guard stands before a policy; one that reads the classical planner's route has that with it."""
+        return self._shipped and self._end_cycles and card.network.features != "guided"
+
+    def _leaves_all(self, card: PolicyCard) -> bool:
+        """Whether the guard leaves every decision to the classical planner, whatever the world."""
+        return self._guards(card) and not of_known_scale(card, self._config)
 
     def _forget(self) -> None:
         self._random = np.random.default_rng(0)

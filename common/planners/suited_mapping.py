@@ -35,8 +35,7 @@ def of_known_scale(card: PolicyCard, config: MappingConfig) -> bool:
     than it ever saw.
     """
     low, high = card.ranges.get("resolution", (card.mapping.resolution, card.mapping.resolution))
-    same_cells = card.network.features == "guided" or low <= config.resolution <= high
-    return same_cells and _spacing_fits(card, config)
+    return low <= config.resolution <= high and _spacing_fits(card, config)
 
 
 def _differences(card: PolicyCard, config: MappingConfig) -> list[str]:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 from common.errors import StorageError
 from common.system.closing import Closing
+from common.system.threads import Complaints
 from learner.run.journal import Journal
 
 logger = logging.getLogger(__name__)
@@ -40,6 +41,7 @@ class GroupCommit(Closing):
         self._changed = threading.Condition()
         self._waiting: list[Callable[[bool], None]] = []
         self._closed = False
+        self._complaints = Complaints("telling who waits for the journal")
         self._thread = threading.Thread(target=self._work, name="group commit", daemon=True)
         self._thread.start()
 
@@ -72,7 +74,8 @@ class GroupCommit(Closing):
             if waiting or self._journal.unsynced:
                 durable = self._sync()
                 for tell in waiting:
-                    self._tell(tell, durable)
+                    with self._complaints:
+                        tell(durable)
                 pause = self._interval if durable else RETRY_SECONDS
             if closed:
                 return
@@ -85,12 +88,6 @@ class GroupCommit(Closing):
             logger.debug("%s", error)  # the journal has told its disk watch, which says it once
             return False
         return True
-
-    def _tell(self, tell: Callable[[bool], None], durable: bool) -> None:
-        try:
-            tell(durable)
-        except Exception:
-            logger.exception("one that waited for the journal could not go on; the others do")
 
     def _pause(self, seconds: float) -> None:
         with self._changed:
