@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 from common.errors import HDError
+from common.system.documents import parse_json
 from deploy.bridge.command_text import parse
 from deploy.bridge.commands import Commands
 from deploy.bridge.decision import DecisionLoop
@@ -218,7 +218,7 @@ class BagPlayer:
         """Follow orders that came by no topic."""
         del received
         try:
-            told = json.loads(status.data)
+            told = parse_json(status.data)
             state, target = str(told["state"]), told["target"]
             task = told.get("task", self._mission.task.name)
         except (ValueError, TypeError, KeyError):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import threading
 from collections.abc import Callable
 from typing import Final
 
+from common.system.documents import parse_json
 from deploy.config import SafetyConfig
 from deploy.ros2.conversions import velocity_from
 from deploy.ros2.errors import RosError
@@ -88,7 +88,7 @@ class Standstill:
     def heard_watchdog(self, payload: bytes, now: float) -> None:
         """Note what the watchdog tells about itself."""
         try:
-            mode = json.loads(deserialize(payload, "std_msgs/msg/String", self._distro).data)["mode"]
+            mode = parse_json(deserialize(payload, "std_msgs/msg/String", self._distro).data)["mode"]
         except (RosError, ValueError, KeyError, TypeError):
             return
         with self._lock:

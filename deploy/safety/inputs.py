@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import struct
 import time
 from collections.abc import Callable
 from typing import Final
 
+from common.system.documents import parse_json
 from deploy.config import DeployConfig
 from deploy.ros2 import LATCHED, SENSOR, Message, Node, Received
 from deploy.safety.gate_state import GateMode
@@ -121,7 +121,7 @@ class WatchdogInputs:
 
     def _heard_watchdog(self, status: Message, received: Received) -> None:
         try:
-            other, mode = (json.loads(status.data)[key] for key in ("watchdog", "mode"))
+            other, mode = (parse_json(status.data)[key] for key in ("watchdog", "mode"))
         except (ValueError, TypeError, KeyError):
             return
         # One that only waits for its end gives way by itself.

@@ -17,6 +17,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
 from common.errors import CheckpointError, StorageError
+from common.system.documents import read_json
 from learner.run.files import file_digest, make_folder, replace_text, sync_path, to_json
 
 logger = logging.getLogger(__name__)
@@ -267,7 +268,7 @@ class CheckpointStore:
 
     def _check(self, folder: Path) -> None:
         try:
-            manifest = json.loads((folder / _MANIFEST).read_text("utf-8"))
+            manifest = read_json(folder / _MANIFEST)
             files = manifest["files"]
             written = manifest["format"]
         except (OSError, ValueError, KeyError, TypeError) as error:

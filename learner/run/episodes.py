@@ -15,6 +15,7 @@ from typing import Any, Literal
 
 from common.errors import StorageError
 from common.messages.experience import EpisodeReport
+from common.system.documents import parse_json
 from learner.run.disk import DiskWatch
 from learner.run.files import DAMAGED, replace_bytes, set_aside, sync_descriptor, sync_path, write_all
 
@@ -232,7 +233,7 @@ def _read_line(line: bytes) -> tuple[dict[str, Any], EpisodeReport] | None:
     if not line.endswith(b"\n"):
         return None
     try:
-        values = json.loads(line)
+        values = parse_json(line)
     except ValueError:
         return None
     if not isinstance(values, dict) or not all(_is_kind(values.get(name), kind) for name, kind in _CONTEXT.items()):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import json
 import logging
 import os
 import shutil
@@ -15,6 +14,7 @@ from common.config import RunConfig
 from common.config.load import resolve
 from common.errors import CheckpointError, LockedError, StorageError
 from common.system.closing import Closing
+from common.system.documents import read_json
 from common.system.file_lock import FileLock
 from learner.run.code_state import write_code_state
 from learner.run.files import make_folder, remove_leftovers, replace_text, sync_path, to_json
@@ -128,7 +128,7 @@ class RunFolder(Closing):
             remove_leftovers(path)
             if written < FORMAT:
                 # From here on the journal has records that earlier releases cannot read.
-                marker = json.loads((path / _MARKER).read_text("utf-8"))
+                marker = read_json(path / _MARKER)
                 replace_text(path / _MARKER, to_json({**marker, "format": FORMAT}))
         except OSError as error:
             raise _cannot_write(path, error) from error
@@ -201,7 +201,7 @@ def check_run(path: Path, *, to_continue: bool = False) -> int:
         listed = f"there are: {', '.join(known)}" if known else "there is none yet; `hd-learner start` makes one"
         raise CheckpointError(f"there is no run {path.name!r} in {path.parent}: {listed}")
     try:
-        written = json.loads((path / _MARKER).read_text("utf-8"))["format"]
+        written = read_json(path / _MARKER)["format"]
     except (ValueError, KeyError, TypeError) as error:
         raise CheckpointError(f"{path / _MARKER} is damaged: {error!r}") from error
     if written not in range(1, FORMAT + 1):
@@ -219,7 +219,7 @@ def check_run(path: Path, *, to_continue: bool = False) -> int:
 def read_config(path: Path) -> RunConfig:
     """Read the resolved configuration of the run in ``path``."""
     try:
-        return resolve(json.loads((path / "config.json").read_text("utf-8")))
+        return resolve(read_json(path / "config.json"))
     except (OSError, ValueError) as error:
         raise CheckpointError(f"{path / 'config.json'} cannot be read: {error}") from error
 

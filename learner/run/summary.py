@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from pathlib import Path
 from typing import Any, Final
 
 from common.errors import CheckpointError
+from common.system.documents import read_json
 from learner.run.files import replace_text, to_json
 
 SUMMARY_FILE: Final = "summary.json"
@@ -74,7 +74,7 @@ def read_summaries(runs: Path) -> list[RunSummary]:
     found = []
     for path in sorted(runs.glob(f"[!.]*/{SUMMARY_FILE}")):
         try:
-            found.append(RunSummary(**json.loads(path.read_text("utf-8"))))
+            found.append(RunSummary(**read_json(path)))
         except (OSError, ValueError, TypeError) as error:
             raise CheckpointError(
                 f"{path} cannot be read ({error}): delete it, the next checkpoint writes it again"

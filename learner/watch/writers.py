@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from common.config import RunConfig
+from common.system.documents import read_json
 from common.system.extras import optional
 from learner.run.files import replace_text, to_json
 
@@ -245,7 +246,7 @@ def flat(config: RunConfig) -> dict[str, str]:
 
 def _names(folder: Path) -> dict[str, str]:
     path = folder / NAMES_FILE
-    return dict(json.loads(path.read_text("utf-8"))) if path.is_file() else {}
+    return dict(read_json(path)) if path.is_file() else {}
 
 
 def _remember(folder: Path, names: Mapping[str, str]) -> None:

@@ -50,7 +50,7 @@ def test_the_newest_are_kept_beside_the_best(tmp_path):
     assert left == {"000000004", "000000005", "policy-000000050", "last", "best"}
 
 
-@pytest.mark.parametrize("damage", ["flip", "truncate", "missing", "manifest"])
+@pytest.mark.parametrize("damage", ["flip", "truncate", "missing", "manifest", "nested manifest"])
 def test_a_damaged_newest_checkpoint_is_named_and_the_one_before_used(tmp_path, caplog, damage):
     store = CheckpointStore(tmp_path, keep=3)
     store.save(1, tensors(1), {"n": 1})
@@ -65,7 +65,7 @@ def test_a_damaged_newest_checkpoint_is_named_and_the_one_before_used(tmp_path, 
     elif damage == "missing":
         path.unlink()
     else:
-        (newest / "manifest.json").write_text("{")
+        (newest / "manifest.json").write_text("{" if damage == "manifest" else "[" * 100_000)
     loaded = store.load_newest()
     assert loaded.document == {"n": 1}
     assert "000000002" in caplog.text and "continuing from checkpoint 000000001" in caplog.text

@@ -134,3 +134,12 @@ def test_a_run_of_an_unknown_format_is_refused(tmp_path, written):
     (tmp_path / "a" / "run.json").write_text(json.dumps({"format": written}))
     with pytest.raises(CheckpointError, match="this software reads format 4 and earlier ones"):
         check_run(tmp_path / "a")
+
+
+@pytest.mark.parametrize("name", ["run.json", "config.json"])
+def test_documents_that_nest_without_end_are_damaged_ones(tmp_path, name):
+    with RunFolder.create(tmp_path, RunConfig(name="a")) as run:
+        pass
+    (run.path / name).write_text("[" * 100_000)
+    with pytest.raises(CheckpointError, match=rf"{name}.*must not nest deeper"):
+        RunFolder.open(tmp_path, "a")
