@@ -57,6 +57,7 @@ def evaluate(
     worker = Worker(chosen, tell_nobody)
     try:
         worlds = worker.worlds
+        worker.warm_up(made)
         return [worker.attempt(made, number).result(worlds.name(number)) for number in worlds.numbers]
     finally:
         worker.close()

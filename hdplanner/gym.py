@@ -31,9 +31,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
-import gymnasium
 import numpy as np
-from gymnasium import spaces
 from numpy.typing import NDArray
 
 from actors.arena import Arena, Stage
@@ -46,6 +44,11 @@ from common.config.load import load_config
 from common.errors import ConfigError, HDError, MapError
 from common.messages.experience import End
 from common.observations.observation import Observation
+from common.system.extras import optional
+
+with optional("hdplanner.gym", "gym"):
+    import gymnasium
+    from gymnasium import spaces
 
 FEATURES = 6
 # Bounds of a node's features: far beyond any building, and the most that a utility can be.

@@ -76,22 +76,25 @@ class Worker:
         """Run the episode of a planner that was made elsewhere in world `number`; what goes wrong is the caller's."""
         return self._episodes.run(planner, self.worlds.load(number), seed=self._settings.episode_seed(number))
 
+    def warm_up(self, planner: Decider) -> None:
+        """Let a new planner decide a few times in a small world: compiling its kernels counts for no decision."""
+        # Scaled so that one block is one spacing: then every viewpoint of the lattice finds its way.
+        scale = self._settings.mapping.viewpoint_spacing / BLOCK
+        small = make_generator("rooms", {"width": "320", "height": "240"}).world(0, scale)
+        self._tell("warm", None)
+        try:
+            self._episodes.run(planner, small, seed=0, steps=WARM_UP_STEPS)
+        except Exception as error:  # noqa: BLE001 - a fault shows again, and is reported, in its episodes
+            log.warning("planner %s cannot do the warm-up world: %s", planner.name, error)
+
     def close(self) -> None:
         """Release the simulator."""
         self._episodes.close()
 
     def _planner(self, name: str) -> Planner | OmniscientReference:
-        """Return a planner; a new one first decides a few times in a small world, so that all kernels are compiled."""
         if name not in self._planners:
             made = self._settings.make(name)
-            # Scaled so that one block is one spacing: then every viewpoint of the lattice finds its way.
-            scale = self._settings.mapping.viewpoint_spacing / BLOCK
-            small = make_generator("rooms", {"width": "320", "height": "240"}).world(0, scale)
-            self._tell("warm", None)
-            try:
-                self._episodes.run(made, small, seed=0, steps=WARM_UP_STEPS)
-            except Exception as error:  # noqa: BLE001 - a fault shows again, and is reported, in its episodes
-                log.warning("planner %s cannot do the warm-up world: %s", name, error)
+            self.warm_up(made)
             self._planners[name] = made
         return self._planners[name]
 

@@ -3,6 +3,8 @@
 import ast
 import subprocess
 import sys
+import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,7 @@ import actors.evaluation.cli
 import deploy.cli
 import hdplanner
 import hdplanner.cli
+import hdplanner.evaluation
 import learner.cli
 from common.errors import ConfigError, MapError
 from common.planners.exploration.greedy import GreedyPlanner
@@ -87,6 +90,26 @@ def test_planners_are_evaluated_by_name_or_by_class():
     ]
     assert len({result.map for result in by_name}) == 2
     assert evaluate("astar", SMALL, count=1, task="navigation")[0].success
+
+
+class SlowToBegin(GreedyPlanner):
+    """Compiles, so to say, for longer than a decision may take."""
+
+    begun = False
+
+    def plan(self, mapper, pose):
+        if not self.begun:
+            self.begun = True
+            until = time.process_time() + 2.0
+            while time.process_time() < until:
+                pass
+        return super().plan(mapper, pose)
+
+
+def test_compiling_counts_for_no_decision(monkeypatch):
+    monkeypatch.setattr(hdplanner.evaluation, "resolve", partial(hdplanner.evaluation.resolve, time_limit=1.0))
+    (result,) = evaluate(SlowToBegin, SMALL, count=1)
+    assert result.success, result.reason
 
 
 def test_an_evaluation_follows_its_settings():

@@ -1,5 +1,6 @@
 """What a user sees where an optional package is missing."""
 
+import importlib
 import json
 import os
 import subprocess
@@ -94,6 +95,13 @@ def test_a_missing_package_is_one_sentence_with_what_to_install(command, package
     assert f"needs the package {package}, which is not installed" in result.stderr
     assert f"[{extra}]'" in result.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_gymnasium_environment_says_which_extra_it_needs(monkeypatch):
+    monkeypatch.setitem(sys.modules, "gymnasium", None)
+    monkeypatch.delitem(sys.modules, "hdplanner.gym", raising=False)
+    with pytest.raises(MissingPackageError, match=r"hdplanner\.gym needs the package gymnasium, .*\[gym\]'"):
+        importlib.import_module("hdplanner.gym")
 
 
 def test_a_missing_module_of_our_own_is_a_defect():
