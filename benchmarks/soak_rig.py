@@ -21,9 +21,8 @@ from benchmarks.soak_robot import SoakRobot
 from common.bus.control import request
 from common.errors import HDError
 from common.system.closing import Closing
-from common.system.runtime import process_environment, python_module
 from deploy.profiles import load_deploy_config
-from deploy.robot.deployment import free_endpoint
+from deploy.robot.deployment import end_process, free_endpoint, start_process
 from deploy.robot.options import RobotOptions
 from deploy.ros2 import Node, Publisher, message
 
@@ -190,13 +189,7 @@ class Rig(Closing):
     def close(self) -> None:
         """End the bridge, then the robot; safe to call twice."""
         self.link.mend()
-        if self.bridge.poll() is None:
-            self.bridge.send_signal(signal.SIGTERM)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self.bridge.wait(15.0)
-        if self.bridge.poll() is None:
-            self.bridge.kill()
-            self.bridge.wait()
+        end_process(self.bridge)
         self.robot.close()
         self.link.close()
         self._node.close()
@@ -204,17 +197,8 @@ class Rig(Closing):
     def _spawn(self, name: str, mode: str) -> subprocess.Popen[bytes]:
         options = [part for setting in self.settings for part in ("--set", setting)]
         # Peers would find the robot beside the link; a client has nothing but what it connects to.
-        command = python_module(
-            "deploy.cli", "bridge", *options, "--set", "ros.mode=client", "--connect", self.link.endpoint
-        )
-        with (self._folder / f"{name}.log").open(mode, encoding="utf-8") as out:
-            return subprocess.Popen(
-                python_module("common.system.tethered", str(os.getpid()), *command),
-                stdin=subprocess.DEVNULL,
-                stdout=out,
-                stderr=out,
-                env=process_environment(threads=1),
-            )
+        arguments = ["bridge", *options, "--set", "ros.mode=client", "--connect", self.link.endpoint]
+        return start_process(arguments, self._folder / f"{name}.log", mode)
 
     def _take_status(self, text: str) -> None:
         self._status = status = json.loads(text)

@@ -90,6 +90,7 @@ class Link(Closing):
         enter(ControlServer(session, run, Control(trainer, self.status)))
         enter(SpecServer(session, Spec(run, learner, config.model_dump_json())))
         enter(declare_presence(session, run, "learner", LEARNER))
+        enter(Ticker("looking for other learners", STATS_SECONDS, self._give_way))
         enter(Ticker("statistics of the learner", STATS_SECONDS, self._tell))
 
     def status(self) -> LearnerStatus:
@@ -114,16 +115,20 @@ class Link(Closing):
     def _close_server(self) -> None:
         self._server.close()
 
-    def _tell(self) -> None:
+    def _give_way(self) -> None:
+        """Hold while an earlier learner of the run is in sight, and go on once it is gone."""
         holds = self._rivals.earlier(self._presence.present())
-        if holds != self._trainer.held:
-            self._trainer.held = holds
-            if holds:
-                # Deliveries of the actors on this side then find the way to the other learner.
-                self._close_server()
-            else:
-                self._refused += self._server.invalid.total()
-                self._server = self._open_server()
+        if holds == self._trainer.held:
+            return
+        self._trainer.held = holds
+        if holds:
+            # Deliveries of the actors on this side then find the way to the other learner.
+            self._close_server()
+        else:
+            self._refused += self._server.invalid.total()
+            self._server = self._open_server()
+
+    def _tell(self) -> None:
         stats = self._reporter.learner_stats(self.status())
         publish_stats(self._session, self._trainer.config.name, "learner", LEARNER, stats)
 

@@ -146,27 +146,43 @@ class Deployment(Closing):
     def _end(self) -> None:
         # The bridge first: it stops the robot, which is still there to be stopped.
         for process in (self.bridge, self.robot):
-            if process.poll() is None:
-                process.send_signal(signal.SIGTERM)
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(STOP_SECONDS)
-            if process.poll() is None:
-                process.kill()
-                process.wait()
+            end_process(process)
 
     def _start(self, name: str, options: Sequence[str]) -> subprocess.Popen[bytes]:
-        command = python_module("deploy.cli", name, *options)
-        with self._log(name).open("w", encoding="utf-8") as log:
-            return subprocess.Popen(
-                python_module("common.system.tethered", str(os.getpid()), *command),
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                env=process_environment(threads=1),
-            )
+        return start_process([name, *options], self._log(name))
 
     def _log(self, name: str) -> Path:
         return self._folder / f"{name}.log"
+
+
+def start_process(arguments: Sequence[str], log: Path, mode: str = "w") -> subprocess.Popen[bytes]:
+    """Start `hd-deploy` with these arguments as a process that ends with this one.
+
+    Args:
+        arguments: command and options.
+        log: file that takes what it prints.
+        mode: ``w`` begins the file, ``a`` goes on with it.
+    """
+    command = python_module("deploy.cli", *arguments)
+    with log.open(mode, encoding="utf-8") as out:
+        return subprocess.Popen(
+            python_module("common.system.tethered", str(os.getpid()), *command),
+            stdin=subprocess.DEVNULL,
+            stdout=out,
+            stderr=out,
+            env=process_environment(threads=1),
+        )
+
+
+def end_process(process: subprocess.Popen[bytes]) -> None:
+    """End a process in good order, or by force where that takes more than `STOP_SECONDS`; safe to call twice."""
+    if process.poll() is None:
+        process.send_signal(signal.SIGTERM)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(STOP_SECONDS)
+    if process.poll() is None:
+        process.kill()
+        process.wait()
 
 
 def free_endpoint() -> str:
