@@ -21,6 +21,9 @@ _SAME_WAY: Final = 0.25
 _SAME_TURN: Final = 0.25
 # A step of the pose that is this much longer than the speed limit allows is a correction, and no way; metres.
 _CORRECTION: Final = 0.05
+# Nor does a robot on wheels turn faster than this, rad/s; a step of the heading may be off by as many radians.
+_FASTEST_TURN: Final = 2.0 * pi
+_CORRECTED_TURN: Final = 0.1
 _FEWEST_POINTS: Final = 30
 
 
@@ -99,8 +102,13 @@ class Sight:
                 self._last = data.copy()
             self._anchor = pose
             return None
+        seconds = now - before[0]
         step_x, step_y = pose.x - before[1].x, pose.y - before[1].y
-        if hypot(step_x, step_y) > self._config.speed_limit * (now - before[0]) + _CORRECTION:
+        step_yaw = abs(remainder(pose.yaw - before[1].yaw, 2.0 * pi))
+        if (
+            hypot(step_x, step_y) > self._config.speed_limit * seconds + _CORRECTION
+            or step_yaw > _FASTEST_TURN * seconds + _CORRECTED_TURN
+        ):
             # The localisation corrected itself: the robot did not drive there.
             self._anchor = Pose(self._anchor.x + step_x, self._anchor.y + step_y, pose.yaw)
         way = pose.distance_to(self._anchor.position)

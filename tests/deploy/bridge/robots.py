@@ -69,6 +69,7 @@ class FakeRobot(Closing):
         self.velocities, self.stops, self.statuses, self.answers, self.waypoints = [], [], [], [], []
         self.heard = {}
         self._stop = threading.Event()
+        self._moving = threading.Lock()
         self.node = Node(router)
         self._odometry = self.node.publisher("/odom", "nav_msgs/msg/Odometry")
         self._scan = self.node.publisher("/scan", "sensor_msgs/msg/LaserScan", SENSOR)
@@ -101,6 +102,13 @@ class FakeRobot(Closing):
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
+    def carry_to(self, pose: Pose) -> None:
+        """Put the robot somewhere else, to stand there until it hears a new waypoint."""
+        with self._moving:
+            self.waypoint = None
+            self.simulator.place(pose)
+            self.pose = pose
+
     def say(self, text: str) -> None:
         self.commands.publish(message("std_msgs/msg/String", data=text))
 
@@ -120,17 +128,23 @@ class FakeRobot(Closing):
 
     def _run(self) -> None:
         while not self._stop.wait(PERIOD):
-            stopped = bool(self.stops) and self.stops[-1][1] > 0
-            velocity = (0.0, 0.0)
-            if self.by_velocity:
-                velocity = self._roll()
-            elif self.waypoint is not None and not stopped:
-                self._drive(self.waypoint, self.speed * PERIOD)
+            with self._moving:
+                velocity, pose, scan = self._move(), self.pose, self.simulator.scan()
             stamp = time.time() + self.clock
-            pose = self.pose if self.jump is None else Pose(self.pose.x + self.jump, self.pose.y, self.pose.yaw)
+            if self.jump is not None:
+                pose = Pose(pose.x + self.jump, pose.y, pose.yaw)
             if self.sensing:
                 self._odometry.publish(self.spoil_odometry(odometry(stamp, "map", "base_link", pose, velocity)))
-                self._scan.publish(self.spoil_scan(laser_scan(stamp, "base_link", self.simulator.scan())))
+                self._scan.publish(self.spoil_scan(laser_scan(stamp, "base_link", scan)))
+
+    def _move(self) -> tuple[float, float]:
+        stopped = bool(self.stops) and self.stops[-1][1] > 0
+        waypoint = self.waypoint
+        if self.by_velocity:
+            return self._roll()
+        if waypoint is not None and not stopped:
+            self._drive(waypoint, self.speed * PERIOD)
+        return 0.0, 0.0
 
     def _drive(self, waypoint, length) -> None:
         yaw = atan2(waypoint[1] - self.pose.y, waypoint[0] - self.pose.x)

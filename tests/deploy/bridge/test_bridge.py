@@ -39,11 +39,11 @@ def pair():
 def robot(pair):
     """The robot at its start, and a bridge that waits with an empty map."""
     robot = pair[0]
-    robot.sensing, robot.jump, robot.pose = True, None, Pose(*ARMS.start)
+    robot.sensing, robot.jump = True, None
     ask(robot, "abort")
+    robot.carry_to(Pose(*ARMS.start))
     ask(robot, "reset")
     ask(robot, "release", **OPERATOR)
-    robot.waypoint = None
     robot.waypoints.clear()
     robot.answers.clear()
     # A robot that was carried back has a pose that jumped.

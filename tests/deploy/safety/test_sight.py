@@ -71,6 +71,14 @@ def test_readings_that_stay_the_same_while_the_robot_moves_are_frozen():
     assert turning[-1] is FaultKind.SENSOR_FROZEN
 
 
+def test_a_corrected_pose_is_no_motion_of_a_robot_that_stands():
+    eye = sight()
+    assert look(eye, noise()) is None
+    assert look(eye, noise(), Pose(3.0, 0.0), 0.1) is None, "relocalised somewhere else"
+    assert look(eye, noise(), Pose(3.2, 0.0, 3.1), 0.2) is None, "relocalised the other way round"
+    assert look(eye, noise(), Pose(3.2, 0.0, -2.9), 0.6) is FaultKind.SENSOR_FROZEN, "turned"
+
+
 def test_the_same_readings_are_right_for_a_robot_that_stands_or_sees_nothing():
     eye = sight()
     assert all(look(eye, noise(), Pose(0.01 * (k % 3), 0.0), 0.1 * k) is None for k in range(100))
