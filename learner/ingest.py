@@ -79,12 +79,13 @@ class Ingest:
         self._keep_replay = config.checkpoints.replay
         self._journal = journal
         certified = certified_hosts(config.bus)
-        host = partial(host_of, certified=certified)
+        self.host_of: Callable[[str], str] = partial(host_of, certified=certified)
+        """Tells the host of an actor."""
         self._rounds = EvaluationRounds(
             config.maps.validation_count, Evaluators.of(config, certified, evaluators), lambda: self.version
         )
         self._finished_rounds: SimpleQueue[Round] = SimpleQueue()
-        self._seen = SeenSet(host)
+        self._seen = SeenSet(self.host_of)
         # Last arrival number of the replay buffer that each journal segment holds.
         self._segment_ends: dict[int, int] = {}
         self._lock = threading.Lock()

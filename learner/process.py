@@ -110,6 +110,7 @@ class Link(Closing):
             self._learner,
             trainer.ingest.store,
             when_durable=trainer.commit.when_synced if trainer.config.journal.acknowledge == "disk" else None,
+            host_of=trainer.ingest.host_of,
         )
 
     def _close_server(self) -> None:

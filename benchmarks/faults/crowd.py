@@ -88,22 +88,23 @@ def crowded(rig: Rig, actors: int, messages: int) -> Row:
             for n in range(processes)
         ]
         began = time.monotonic()
-        try:
-            waits = [each.finish(280.0)["longest_wait"] for each in honest]
-        except FaultError as error:
-            waits = []
-            problem = str(error)
-        else:
-            problem = ""
+        waits, problems = [], []
+        for each in honest:
+            try:
+                waits.append(each.finish(280.0)["longest_wait"])
+            except FaultError as error:
+                problems.append(str(error))
         took = time.monotonic() - began
         answers = rig.answers()
         stranger.end()
         resumes = rig.resumed(time.monotonic())
     fault = f"{actors} honest actors on a learner that is full: {_FLOOD:,} hostile messages wait all the time"
-    seen = f"all {actors * messages:,} messages in {took:.0f} s; " if waits else "not all; "
-    seen += f"first acknowledgement after {max(waits):.1f} s at most" if waits else ""
+    if problems:
+        seen = f"not all {actors * messages:,} messages in {took:.0f} s"
+    else:
+        seen = f"all {actors * messages:,} messages in {took:.0f} s; first acknowledgement after {max(waits):.1f} s at most"
     unanswered = "" if answers else "the learner answered no command"
-    return judged(rig, fault, "all are heard", seen, said[0], resumes, problem, unanswered)
+    return judged(rig, fault, "all are heard", seen, said[0], resumes, *problems, unanswered)
 
 
 def certificates(knocks: int) -> Row:
