@@ -102,7 +102,8 @@ def crowded(rig: Rig, actors: int, messages: int) -> Row:
     if problems:
         seen = f"not all {actors * messages:,} messages in {took:.0f} s"
     else:
-        seen = f"all {actors * messages:,} messages in {took:.0f} s; first acknowledgement after {max(waits):.1f} s at most"
+        first = f"first acknowledgement after {max(waits):.1f} s at most"
+        seen = f"all {actors * messages:,} messages in {took:.0f} s; {first}"
     unanswered = "" if answers else "the learner answered no command"
     return judged(rig, fault, "all are heard", seen, said[0], resumes, *problems, unanswered)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import re
 import secrets
 import socket
 import time
@@ -77,7 +78,7 @@ def open_learner_session(config: BusConfig) -> Iterator[zenoh.Session]:
             session = zenoh.open(_zenoh_config(settings))
             stack.callback(_close, session)
         except (OSError, zenoh.ZError) as error:
-            raise BusError(_why_not_listening(listen, str(error))) from None
+            raise BusError(_why_not_listening(listen, reason(error))) from None
         _warn_of_strangers(listen, config)
         yield session
 
@@ -87,7 +88,7 @@ def _close(session: zenoh.Session) -> None:
         session.close()
     except zenoh.ZError as error:
         # Thousands of connections that say nothing take longer than Zenoh waits; they end with the process.
-        log.warning("the bus was not closed in order: %s", error)
+        log.warning("the bus was not closed in order: %s", reason(error))
 
 
 def free_ports(count: int) -> list[int]:
@@ -135,7 +136,7 @@ def open_client_session(config: BusConfig, connect: Iterable[str] | None = None)
     try:
         return zenoh.open(_zenoh_config(settings))
     except zenoh.ZError as error:
-        raise BusError(f"cannot open a session to {', '.join(endpoints)}: {error}") from None
+        raise BusError(f"cannot open a session to {', '.join(endpoints)}: {reason(error)}") from None
 
 
 def _endpoint(text: str, config: BusConfig) -> str:
@@ -192,7 +193,12 @@ def _zenoh_config(settings: dict[str, Any]) -> zenoh.Config:
     try:
         return zenoh.Config.from_json5(json.dumps(settings))
     except zenoh.ZError as error:
-        raise BusError(f"the bus settings are not valid: {error}") from None
+        raise BusError(f"the bus settings are not valid: {reason(error)}") from None
+
+
+def reason(error: Exception) -> str:
+    """Return what an error of Zenoh says, without the places in its source that it names."""
+    return re.sub(r"\s+at /\S+?\.rs:\d+\.?", "", str(error))
 
 
 def _why_not_listening(endpoint: str, error: str) -> str:

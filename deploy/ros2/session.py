@@ -9,6 +9,7 @@ from typing import Any
 import zenoh
 
 from common.bus.endpoint import is_loopback
+from common.bus.session import reason
 from common.bus.tls import access_settings, tls_settings
 from deploy.network_config import RosConfig
 from deploy.ros2.errors import RosError
@@ -107,7 +108,9 @@ def _open(config: RosConfig, mode: str, listen: tuple[str, ...], timeout: int) -
         return zenoh.open(zenoh.Config.from_json5(json.dumps(settings)))
     except zenoh.ZError as error:
         endpoints = ", ".join(listen or config.connect)
-        raise RosError(f"cannot join Zenoh at {endpoints}: {error}; correct ros.listen or ros.connect") from None
+        raise RosError(
+            f"cannot join Zenoh at {endpoints}: {reason(error)}; correct ros.listen or ros.connect"
+        ) from None
 
 
 def _secured(endpoint: str, config: RosConfig) -> str:
