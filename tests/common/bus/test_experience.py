@@ -344,3 +344,21 @@ def test_a_host_that_floods_the_learner_waits_behind_itself(sessions):
             gate.set()
             assert sender.flush(10) and other.flush(10)
     assert {"desk-0", "lab-0"} <= set(stored[:6])
+
+
+def test_a_learner_that_takes_longer_than_the_timeout_is_waited_for(sessions):
+    """What is sent again and again would wait behind itself, and no answer would ever come in time."""
+    learner, client = sessions
+    store = Store()
+
+    def slow(delivery, payload):
+        time.sleep(0.3)
+        return store(delivery, payload)
+
+    with (
+        ExperienceServer(learner, "run", 5, slow),
+        ExperienceSender(client, "run", "desk-0", ack_timeout=0.1) as sender,
+    ):
+        for _ in range(3):
+            sender.send(samples.report())
+        assert sender.flush(20)
