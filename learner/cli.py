@@ -312,7 +312,8 @@ def doctor(
     left = sum(finding.wrong and not finding.mended for finding in findings)
     if left:
         advice = "see above" if repair else f"take them out with `hd-learner doctor --run {name} --repair`"
-        raise CheckpointError(f"{left} things are wrong in run {name!r}: {advice}")
+        things = "thing is" if left == 1 else "things are"
+        raise CheckpointError(f"{left} {things} wrong in run {name!r}: {advice}")
 
 
 def _yardstick(text: str) -> tuple[str, float]:
