@@ -118,6 +118,9 @@ class CloningConfig(Section):
     """Weight of the cross entropy on the expert's first beacon."""
     entropy_bonus: Annotated[float, Field(ge=0.0)] = 0.003
     """Weight of the policy's entropy, subtracted from the loss."""
+    route_share: Fraction = 0.85
+    """Probability of the first viewpoint of the reference route in families whose teacher is the `reference`; the rest
+    is the expert's, so that there is something to learn from. Less is a softer start for reinforcement learning."""
     cost_scale: Positive = 4.0
     """Metres of detour per unit of cost."""
     max_cost: Positive = 10.0
