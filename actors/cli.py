@@ -62,7 +62,7 @@ def main(
         list[str] | None,
         typer.Option(help=f"Endpoint of the learner, or of a Zenoh router. [default: {DEFAULT_ENDPOINT}]"),
     ] = None,
-    run: Annotated[str | None, typer.Option(help="Name of the run; not needed while exactly one is there.")] = None,
+    run: Annotated[str | None, typer.Option(help="Name of the run; optional if there is exactly one.")] = None,
     sim: Annotated[
         str | None,
         typer.Option(

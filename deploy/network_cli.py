@@ -112,7 +112,7 @@ def topics(
     console = output_console()
     if not graph.nodes and not graph.endpoints:
         raise BusError(
-            f"nobody shows up at {', '.join(guest_of(resolved.ros).connect)}: check the endpoint, ros.domain "
+            f"no ROS 2 node found at {', '.join(guest_of(resolved.ros).connect)}: check the endpoint, ros.domain "
             f"({resolved.ros.domain}) and that the robot's RMW is rmw_zenoh, or a zenoh-bridge-ros2dds runs"
         )
     console.print(f"nodes: {', '.join(node.name for node in graph.nodes) or 'none'}")
@@ -129,7 +129,7 @@ def topics(
     published = {topic for topic, endpoints in found.items() if any(each.role == "publisher" for each in endpoints)}
     missing = [topic for topic in _needed(resolved) if topic not in published]
     if missing:
-        console.print(f"nobody publishes what the bridge needs: {', '.join(missing)}", style="yellow")
+        console.print(f"not published, but needed by the bridge: {', '.join(missing)}", style="yellow")
 
 
 def _check_unique(session: zenoh.Session, name: str, patience: float) -> None:
@@ -142,8 +142,8 @@ def _check_unique(session: zenoh.Session, name: str, patience: float) -> None:
     others = bridges_at(session, name)
     if len(others) > 1:
         raise BusError(
-            f"{len(others)} bridges on this network have the name {name!r}, so nobody could tell which one obeys: "
-            "`hd-deploy command stop` stops them all; start each with a name of its own"
+            f"{len(others)} bridges on this network have the name {name!r}, so it is ambiguous which one would obey: "
+            "`hd-deploy command stop` stops them all; start each with a unique name"
         )
 
 

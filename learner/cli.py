@@ -62,7 +62,7 @@ Evaluators = Annotated[
 ]
 Serial = Annotated[bool, typer.Option("--serial", help="Learner and one actor in one process, without a network.")]
 MapsElsewhere = Annotated[
-    bool, typer.Option("--maps-elsewhere", help="Maps lie on the actors' machines: do not look for them here.")
+    bool, typer.Option("--maps-elsewhere", help="The maps are on the actors' machines: do not check them here.")
 ]
 LogLevel = Annotated[str | None, typer.Option("--log-level", help="debug, info, warning or error.", metavar="LEVEL")]
 
@@ -204,7 +204,7 @@ def _log_file(path: Path) -> Iterator[None]:
     try:
         handler = log_file(path)
     except OSError as error:
-        raise StorageError(f"cannot write {path}: {error.strerror}; make room on the disk") from error
+        raise StorageError(f"cannot write {path}: {error.strerror}; free up disk space") from error
     logging.getLogger().addHandler(handler)
     try:
         yield

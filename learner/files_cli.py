@@ -174,8 +174,8 @@ def doctor(
         typer.echo(f"{mark:9} {finding.text}")
     left = sum(finding.wrong and not finding.mended for finding in findings)
     if left:
-        advice = "see above" if repair else f"take them out with `hd-learner doctor --run {name} --repair`"
-        raise CheckpointError(f"{left} things are wrong in run {name!r}: {advice}")
+        advice = "see above" if repair else f"remove them with `hd-learner doctor --run {name} --repair`"
+        raise CheckpointError(f"{left} problems in run {name!r}: {advice}")
 
 
 def _yardstick(text: str) -> tuple[str, float]:

@@ -71,7 +71,9 @@ def stop(run: RunName = None, connect: Connect = None, overrides: Overrides = No
     Example: `hd-learner stop --run office`
     """
     found = _ask("stop", run, connect, overrides, timeout)
-    typer.echo(f"run {found.run} stops after {found.updates} updates; go on with `hd-learner resume --run {found.run}`")
+    typer.echo(
+        f"run {found.run} stops after {found.updates} updates; continue with `hd-learner resume --run {found.run}`"
+    )
 
 
 @command_errors
@@ -96,7 +98,7 @@ def pause(run: RunName = None, connect: Connect = None, overrides: Overrides = N
     Example: `hd-learner pause --run office`
     """
     found = _ask("pause", run, connect, overrides, timeout)
-    typer.echo(f"run {found.run} is paused at {found.updates} updates; `hd-learner unpause` lets it go on")
+    typer.echo(f"run {found.run} is paused at {found.updates} updates; `hd-learner unpause` continues it")
 
 
 @command_errors
@@ -106,7 +108,7 @@ def unpause(run: RunName = None, connect: Connect = None, overrides: Overrides =
     Example: `hd-learner unpause --run office`
     """
     found = _ask("resume", run, connect, overrides, timeout)
-    typer.echo(f"run {found.run} goes on from {found.updates} updates")
+    typer.echo(f"run {found.run} continues from {found.updates} updates")
 
 
 def _ask(verb: str, run: str | None, connect: str | None, overrides: list[str] | None, timeout: float) -> LearnerStatus:
@@ -124,7 +126,7 @@ def _ask(verb: str, run: str | None, connect: str | None, overrides: list[str] |
     try:
         return LearnerStatus.from_json(body)
     except (KeyError, TypeError) as error:
-        raise MessageError("control_reply.body", f"is of another release ({error}): install the same one") from None
+        raise MessageError("control_reply.body", f"is from another release ({error}): install the same one") from None
 
 
 @contextmanager

@@ -37,7 +37,7 @@ Examples:
 REPLAY_EXAMPLES = """
 Examples:
 
-  hd-deploy replay lab                               decide anew by the recorded parameters, and compare
+  hd-deploy replay lab                               repeat the decisions with the recorded parameters, and compare
 
   hd-deploy replay lab --planner tare                what would another planner have done?
 

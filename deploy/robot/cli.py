@@ -92,7 +92,7 @@ def robot(
     sensor_latency: Annotated[float, typer.Option(help="Delay of sensor messages, s.")] = 0.0,
     command_latency: Annotated[float, typer.Option(help="Delay of commands, s.")] = 0.0,
     command_timeout: Annotated[
-        float, typer.Option(help="The base stops without velocities for so long, s.")
+        float, typer.Option(help="The base stops after this time without velocities, s.")
     ] = DEFAULTS.command_timeout,
     follow: Annotated[
         bool | None,

@@ -72,7 +72,7 @@ class CheckpointStore:
                 shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
             self.mend_pointers()
         except OSError as error:
-            raise StorageError(f"cannot prepare {folder}: {error.strerror}; make room on the disk") from error
+            raise StorageError(f"cannot prepare {folder}: {error.strerror}; free up disk space") from error
 
     def names(self) -> list[str]:
         """Names of the training checkpoints, oldest first."""
@@ -112,9 +112,7 @@ class CheckpointStore:
         if which not in self.damaged_pointers():
             return name
         newest = known[-1] if known else None
-        logger.error(
-            "%s is damaged: it names no checkpoint; taking the newest there is, %s", self.folder / which, newest
-        )
+        logger.error("%s is damaged: it names no checkpoint; using the newest one, %s", self.folder / which, newest)
         return newest
 
     def damaged_pointers(self) -> list[str]:
@@ -173,7 +171,7 @@ class CheckpointStore:
             return checkpoint
         if problems:
             raise CheckpointError(f"no checkpoint in {self.folder} is usable: {'; '.join(problems)}")
-        raise CheckpointError(f"there is no checkpoint in {self.folder}: start the run anew with --overwrite")
+        raise CheckpointError(f"there is no checkpoint in {self.folder}: start over with --overwrite")
 
     def damaged(self) -> dict[str, str]:
         """Return what is wrong with each checkpoint, and with each best policy, that cannot be loaded, by its name."""
@@ -226,7 +224,7 @@ class CheckpointStore:
             self._put_back(replaced)
             needed = 2 * sum(tensor.nbytes for tensor in tensors.values())
             raise StorageError(
-                f"cannot write checkpoint {self.folder / name}: {error}; make room on the disk", needed
+                f"cannot write checkpoint {self.folder / name}: {error}; free up disk space", needed
             ) from error
         return target
 
@@ -257,7 +255,7 @@ class CheckpointStore:
             replace_text(self.folder / which, name + "\n")
         except OSError as error:
             raise StorageError(
-                f"cannot write {self.folder / which}: {error.strerror}; make room on the disk", len(name)
+                f"cannot write {self.folder / which}: {error.strerror}; free up disk space", len(name)
             ) from error
 
     def _remove(self, name: str) -> None:

@@ -110,7 +110,7 @@ class Journal(Closing):
             self._segment = existing[-1] + 1 if existing else 1
             self._open = self._open_segment()
         except OSError as error:
-            raise StorageError(f"cannot open the journal {folder}: {error.strerror}; make room on the disk") from error
+            raise StorageError(f"cannot open the journal {folder}: {error.strerror}; free up disk space") from error
         self._size = 0
 
     @property
@@ -211,7 +211,7 @@ class Journal(Closing):
         for found in scan(path):
             if not isinstance(found, Found):
                 raise CheckpointError(
-                    f"{path} has been damaged at byte {found.start} since it was opened: start again to mend it"
+                    f"{path} has been damaged at byte {found.start} since it was opened: restart to repair it"
                 )
             try:
                 yield Record(number, RecordKind(found.kind), found.payload)
@@ -258,7 +258,7 @@ class Journal(Closing):
                 fresh = self._open_segment()
             except OSError as error:
                 self._segment -= 1
-                raise self._refused("begin a segment of", error, 0) from error
+                raise self._refused("start a segment of", error, 0) from error
             self._finished.append(self._open)
             self._open, self._size = fresh, 0
         return self._segment
@@ -289,7 +289,7 @@ class Journal(Closing):
 
     def _refused(self, verb: str, error: OSError, needed: int) -> StorageError:
         problem = StorageError(
-            f"cannot {verb} the journal {self._folder}: {error.strerror}; make room on the disk", needed
+            f"cannot {verb} the journal {self._folder}: {error.strerror}; free up disk space", needed
         )
         self._disk.refused(problem)
         return problem

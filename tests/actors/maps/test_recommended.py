@@ -90,7 +90,7 @@ def test_ros_maps_count_as_floor_plans_of_their_own_scale(tmp_path: Path) -> Non
     [
         ("[mapping", "expected settings of worlds in TOML"),
         ("resolution = 1", "expected tables such as"),
-        ("[mapping]\nresolutoin = 0.1", "there is no such setting: did you mean 'mapping.resolution'"),
+        ("[mapping]\nresolutoin = 0.1", "unknown setting: did you mean 'mapping.resolution'"),
         ("[mapping]\nresolution = 'fine'", "mapping.resolution: input should be a valid number.*got 'fine'"),
         ("[mapping]\nviewpoint_spacing = 0.3", "viewpoint_spacing .* must be at least two belief cells"),
         (
