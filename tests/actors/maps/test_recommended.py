@@ -122,9 +122,9 @@ def test_files_that_cannot_be_settings(tmp_path: Path) -> None:
 def test_sources_that_need_different_settings_are_told_apart() -> None:
     fine = Recommendation("fine", {"maps.metres_per_pixel": 0.1, "mapping.resolution": 0.1, "task.max_steps": 300})
     coarse = Recommendation("coarse", {"maps.metres_per_pixel": 0.2, "mapping.resolution": 0.2, "task.max_steps": 500})
-    with pytest.raises(ConfigError, match=r"mapping\.resolution \(fine says 0\.1, coarse says 0\.2\).*--set mapping"):
+    with pytest.raises(ConfigError, match=r"mapping\.resolution \(fine: 0\.1, coarse: 0\.2\).*--set mapping"):
         joined([fine, coarse], [])
-    with pytest.raises(ConfigError, match="a source without settings says None"):
+    with pytest.raises(ConfigError, match="a source without settings: None"):
         joined([fine, Recommendation()], [])
     assert joined([fine, coarse], ["mapping.resolution"]) == {"task.max_steps": 500}
     assert joined([fine, Recommendation()], ["mapping.resolution"]) == {"task.max_steps": 300}
