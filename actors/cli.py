@@ -103,7 +103,8 @@ def main(
     """Run simulated robots that collect experience for a learner.
 
     Everything about the run comes from the learner, so an actor needs no more than its endpoint. Actors may start
-    before the learner, come and go at any time, and go on while it is away. Ctrl-C ends them within three seconds.
+    before the learner, join and leave at any time, and continue while it is away. Ctrl-C ends them within
+    three seconds.
     """
     del version
     setup_logging(None if log_level is None else log_level.value)
@@ -148,7 +149,7 @@ def main(
 
 
 def free_names(prefix: str, count: int, taken: frozenset[str]) -> list[str]:
-    """Return the first ``count`` names PREFIX-k that nobody on the bus has."""
+    """Return the first ``count`` names PREFIX-k that are free on the bus."""
     names: list[str] = []
     number = 0
     while len(names) < count:

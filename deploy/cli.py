@@ -57,7 +57,7 @@ def bridge(
     connect: Connect = None,
     listen: Annotated[
         list[str] | None,
-        typer.Option("--listen", help="Be the robot's Zenoh router at this endpoint.", metavar="ENDPOINT"),
+        typer.Option("--listen", help="Act as the robot's Zenoh router at this endpoint.", metavar="ENDPOINT"),
     ] = None,
     name: RobotName = None,
     log_level: LogLevel = None,
@@ -65,7 +65,7 @@ def bridge(
     """Run the bridge on a robot's computer. Ctrl-C, or SIGTERM, stops the robot and ends it.
 
     Examples:
-    - `hd-deploy bridge` beside a robot with /scan, /odom and /cmd_vel
+    - `hd-deploy bridge` on a robot with /scan, /odom and /cmd_vel
 
     - `hd-deploy bridge --profile cmu --policy office.safetensors`
 
@@ -120,7 +120,7 @@ def relay(
     It carries the topics of the profile and the lifecycle's services, both ways, until Ctrl-C or SIGTERM.
 
     Examples:
-    - `hd-deploy relay` beside `hd-deploy bridge`, both on the robot's computer
+    - `hd-deploy relay` next to `hd-deploy bridge`, both on the robot's computer
 
     - `hd-deploy relay --profile nav2 --set ros.namespace=robot1 --listen tcp/127.0.0.1:7448`
 

@@ -39,7 +39,7 @@ def load_options(
     name: str | None = None,
     extra: Sequence[str] = (),
 ) -> DeployConfig:
-    """Resolve the parameters; options of their own win over --set."""
+    """Resolve the parameters; dedicated options override --set."""
     every = [*(overrides or ()), *extra]
     if connect:
         every.append(f"ros.connect={','.join(connect)}")

@@ -47,12 +47,12 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the whole status as JSON.")] = False,
     timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds to wait for the robot.")] = 5.0,
 ) -> None:
-    """Command a running bridge; it acknowledges, or says why not.
+    """Send a command to a running bridge, and print its acknowledgement or its reason to refuse.
 
     Examples:
     - `hd-deploy command start`
 
-    - `hd-deploy command stop` stops every robot on the network, and fails unless each one says that it did
+    - `hd-deploy command stop` stops every robot on the network, and fails unless each one confirms it
 
     - `hd-deploy command release --who anna --why "the hall is empty"`; the robot stands until the next `start`
 
@@ -98,9 +98,9 @@ def topics(
     profile: Profile = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
-    wait: Annotated[float, typer.Option("--wait", min=0.1, help="Seconds to look around.")] = 1.5,
+    wait: Annotated[float, typer.Option("--wait", min=0.1, help="Seconds to listen.")] = 1.5,
 ) -> None:
-    """List the nodes and topics on the robot's network, and what the bridge still misses there.
+    """List the nodes and topics on the robot's network, and which ones the bridge still needs.
 
     Example: `hd-deploy topics --profile cmu --connect tcp/192.168.1.5:7447`
     """
@@ -133,7 +133,7 @@ def topics(
 
 
 def _check_unique(session: zenoh.Session, name: str, patience: float) -> None:
-    """Refuse to command one of several bridges of the same name: nobody could tell which."""
+    """Refuse to command one of several bridges with the same name: it would be ambiguous."""
     until = time.monotonic() + patience
     while not bridges_at(session, name) and time.monotonic() < until:
         time.sleep(0.05)
@@ -148,7 +148,7 @@ def _check_unique(session: zenoh.Session, name: str, patience: float) -> None:
 
 
 def _check_complete(answers: Answers, config: DeployConfig, where: str, timeout: float) -> None:
-    """Fail loudly unless everybody who was there has obeyed."""
+    """Fail unless every bridge that was there has obeyed."""
     wrong = list(answers.refusals)
     wrong += [
         f"robot {name!r} did not answer within {timeout:g} s (instance {instance}): it may still be moving"

@@ -50,7 +50,8 @@ Simulator = Annotated[
     str | None,
     typer.Option(
         "--sim",
-        help="Simulator of actors: pybullet, grid, one that a package adds, or MODULE:CLASS (simulator.name).",
+        help="Simulator of the actors: pybullet, grid, one from an installed package, or MODULE:CLASS "
+        "(simulator.name).",
         metavar="NAME",
         autocompletion=completing(SIMULATORS),
     ),
@@ -58,7 +59,9 @@ Simulator = Annotated[
 Actors = Annotated[int, typer.Option("--actors", min=0, help="Actors to start on this machine.", metavar="N")]
 Evaluators = Annotated[
     int,
-    typer.Option("--evaluators", min=0, help="Evaluating actors to start here; they choose the best.", metavar="N"),
+    typer.Option(
+        "--evaluators", min=0, help="Evaluators to start on this machine; they choose the best policy.", metavar="N"
+    ),
 ]
 Serial = Annotated[bool, typer.Option("--serial", help="Learner and one actor in one process, without a network.")]
 MapsElsewhere = Annotated[
@@ -84,10 +87,10 @@ def start(
     runs: RunsFolder = RUNS,
     log_level: LogLevel = None,
 ) -> None:
-    """Start a new run, or one again whose first start came to no checkpoint.
+    """Start a new run, or restart one that has no checkpoint yet.
 
     Examples:
-    - `hd-learner start --actors 2` trains on this machine alone.
+    - `hd-learner start --actors 2` trains on this machine only.
 
     - `hd-learner start --run office --preset workstation --set maps.train=generator:office`
 
@@ -113,12 +116,12 @@ def resume(
     runs: RunsFolder = RUNS,
     log_level: LogLevel = None,
 ) -> None:
-    """Continue a run from its newest sound checkpoint and everything that was acknowledged since.
+    """Continue a run from its newest valid checkpoint and everything acknowledged since.
 
     Examples:
     - `hd-learner resume --run office --actors 2`
 
-    - `hd-learner resume --run office --set learner.total_updates=40000` goes on beyond its first goal.
+    - `hd-learner resume --run office --set learner.total_updates=40000` continues beyond its first goal.
     """
     from learner.run.folder import check_run
 
@@ -162,7 +165,7 @@ def _all_overrides(overrides: list[str] | None, run: str | None, listen: str | N
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """What start and resume are told beside the configuration; see their help."""
+    """Options of start and resume that are not part of the configuration; see their help."""
 
     actors: int
     evaluators: int

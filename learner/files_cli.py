@@ -46,7 +46,7 @@ def export(
     ] = None,
     runs: RunsFolder = RUNS,
 ) -> None:
-    """Write the policy of a run: safetensors beside a JSON card that says what it is, or ONNX with the card inside.
+    """Write the policy of a run: safetensors with a JSON card that describes it, or ONNX with the card inside.
 
     The weights are the moving average of training. Works while the learner runs.
 
@@ -76,9 +76,9 @@ def plot(
     run: RunName = None,
     line: Annotated[
         list[str] | None,
-        typer.Option("--line", help="Yardstick to draw across; may be repeated.", metavar="NAME=METRES"),
+        typer.Option("--line", help="Reference line to draw; may be repeated.", metavar="NAME=METRES"),
     ] = None,
-    over: Annotated[str, typer.Option("--over", help="minutes, or updates: these leave out pauses.")] = "minutes",
+    over: Annotated[str, typer.Option("--over", help="minutes or updates; updates exclude pauses.")] = "minutes",
     window: Annotated[int, typer.Option("--window", help="Episodes behind a point of training.", min=1)] = 50,
     runs: RunsFolder = RUNS,
 ) -> None:
@@ -118,7 +118,7 @@ def certificates(
     ] = None,
     robot: Annotated[list[str] | None, typer.Option("--robot", help="Name of a robot; may be repeated.")] = None,
 ) -> None:
-    """Make an own authority and one certificate for the learner, each actor host and each robot.
+    """Create a certificate authority, and certificates for the learner, each actor host and each robot.
 
     Examples:
     - `hd-learner certificates pki --host 192.168.1.5 --actor desk --actor rack --robot jackal`
@@ -153,15 +153,15 @@ def list_runs(
 @command_errors
 def doctor(
     run: RunName = None,
-    repair: Annotated[bool, typer.Option("--repair", help="Set aside what cannot be used.")] = False,
+    repair: Annotated[bool, typer.Option("--repair", help="Set damaged data aside.")] = False,
     runs: RunsFolder = RUNS,
 ) -> None:
-    """Look for damage and poison in a run that no learner works on: checkpoints, journal, episodes, curves.
+    """Look for damaged and poisoned data in a run that no learner is using: checkpoints, journal, episodes, curves.
 
-    Nothing is thrown away: what is taken out lies in the run's folder under damaged/ and checkpoints/damaged-...
+    Nothing is deleted: what is removed goes to damaged/ and checkpoints/damaged-... in the run's folder.
 
     Examples:
-    - `hd-learner doctor --run office` says what is wrong, and ends with exit code 1 when something is.
+    - `hd-learner doctor --run office` reports problems; the exit code is 1 if there are any.
 
     - `hd-learner doctor --run office --repair`
     """

@@ -83,7 +83,7 @@ def checkpoint(
     overrides: Overrides = None,
     timeout: Timeout = CHECKPOINT_TIMEOUT,
 ) -> None:
-    """Let a running learner write a checkpoint now.
+    """Make a running learner write a checkpoint now.
 
     Example: `hd-learner checkpoint --run office`
     """
@@ -93,7 +93,7 @@ def checkpoint(
 
 @command_errors
 def pause(run: RunName = None, connect: Connect = None, overrides: Overrides = None, timeout: Timeout = 5.0) -> None:
-    """Let a running learner and its actors wait.
+    """Pause a running learner and its actors.
 
     Example: `hd-learner pause --run office`
     """
@@ -103,7 +103,7 @@ def pause(run: RunName = None, connect: Connect = None, overrides: Overrides = N
 
 @command_errors
 def unpause(run: RunName = None, connect: Connect = None, overrides: Overrides = None, timeout: Timeout = 5.0) -> None:
-    """Let a paused learner go on.
+    """Continue a paused learner.
 
     Example: `hd-learner unpause --run office`
     """

@@ -31,7 +31,7 @@ from common.tasks import EXPLORATION
 
 app = CommandApp(
     name="hd-eval",
-    help="Evaluation: run planners on maps, compare them, show and recount what they did.",
+    help="Evaluation: run planners on maps, compare them, plot and verify the results.",
     no_args_is_help=True,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
@@ -81,7 +81,7 @@ def run(
 ) -> None:
     """Run planners on maps, and write one results file per planner.
 
-    A run that was broken off goes on where it was when the same command is given again. The exit code is 1 when an
+    The same command continues an interrupted run. The exit code is 1 when an
     episode crashed; the others are not affected.
 
     Examples:

@@ -131,8 +131,7 @@ class Frames:
             )
         return True, (
             f"the position of the frame {frame!r} on {self._base!r} is unknown, so the two are assumed to coincide: "
-            "publish its "
-            "transform on /tf_static, or set sensing.sensor_offset"
+            "publish its transform on /tf_static, or set sensing.sensor_offset"
         )
 
     def _base_in_child(self) -> Transform | None:

@@ -109,7 +109,7 @@ def replay(
     rerun: Rerun = False,
     log_level: LogLevel = None,
 ) -> None:
-    """Decide anew by a recording, compare with what was decided then, and check rates, gaps, frames and stamps.
+    """Repeat the decisions of a recording and compare them; check rates, gaps, frames and stamps.
 
     Parameters are those of the recording, unless --profile or --config gives others; --set changes single ones.
     """
@@ -161,7 +161,7 @@ def recover(
     out: Annotated[Path, typer.Argument(help="Folder of the new bag.", metavar="FOLDER")],
     log_level: LogLevel = None,
 ) -> None:
-    """Make a whole bag of a recording whose recorder was killed, for tools that need its index.
+    """Complete the bag of a recorder that was killed, for tools that need its index.
 
     Example: `hd-deploy recover recordings/2026-03-01-10-20-30 whole`
     """

@@ -198,7 +198,7 @@ def placed(world: str, start: Position | None, target: Position | None) -> str:
 
 
 def suited_settings(world: str) -> list[str]:
-    """Return what a world's set says of the mapping, as overrides for robot and bridge.
+    """Return the mapping settings recommended for a world, as overrides for robot and bridge.
 
     How much room the robot needs is a matter of the robot, and not of its world.
     """
