@@ -93,7 +93,7 @@ def command_errors(function: Callable[P, R]) -> Callable[P, R]:
                 raise
             where = f" in writing {error.filename}" if error.filename else ""
             raise _ended_by(
-                StorageError(f"{error.strerror}{where}: free up disk space, or write to another one")
+                StorageError(f"{error.strerror}{where}: make room on the disk, or write to another one")
             ) from None
         except KeyboardInterrupt:
             sys.stderr.write("interrupted\n")

@@ -207,7 +207,7 @@ def _log_file(path: Path) -> Iterator[None]:
     try:
         handler = log_file(path)
     except OSError as error:
-        raise StorageError(f"cannot write {path}: {error.strerror}; free up disk space") from error
+        raise StorageError(f"cannot write {path}: {error.strerror}; make room on the disk") from error
     logging.getLogger().addHandler(handler)
     try:
         yield

@@ -186,7 +186,7 @@ class BagWriter(Closing):
                 os.truncate(self._file, self._sound)
             self._fresh_metadata.unlink(missing_ok=True)
             raise RecordingError(
-                f"cannot write to {self.path}: {error.strerror}; free up disk space. Earlier data is readable, "
+                f"cannot write to {self.path}: {error.strerror}; make room on the disk. Earlier data is readable, "
                 "and `hd-deploy recover` turns it into a complete bag"
             ) from error
 

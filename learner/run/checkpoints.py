@@ -72,7 +72,7 @@ class CheckpointStore:
                 shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
             self.mend_pointers()
         except OSError as error:
-            raise StorageError(f"cannot prepare {folder}: {error.strerror}; free up disk space") from error
+            raise StorageError(f"cannot prepare {folder}: {error.strerror}; make room on the disk") from error
 
     def names(self) -> list[str]:
         """Names of the training checkpoints, oldest first."""
@@ -224,7 +224,7 @@ class CheckpointStore:
             self._put_back(replaced)
             needed = 2 * sum(tensor.nbytes for tensor in tensors.values())
             raise StorageError(
-                f"cannot write checkpoint {self.folder / name}: {error}; free up disk space", needed
+                f"cannot write checkpoint {self.folder / name}: {error}; make room on the disk", needed
             ) from error
         return target
 
@@ -255,7 +255,7 @@ class CheckpointStore:
             replace_text(self.folder / which, name + "\n")
         except OSError as error:
             raise StorageError(
-                f"cannot write {self.folder / which}: {error.strerror}; free up disk space", len(name)
+                f"cannot write {self.folder / which}: {error.strerror}; make room on the disk", len(name)
             ) from error
 
     def _remove(self, name: str) -> None:

@@ -110,7 +110,7 @@ class Journal(Closing):
             self._segment = existing[-1] + 1 if existing else 1
             self._open = self._open_segment()
         except OSError as error:
-            raise StorageError(f"cannot open the journal {folder}: {error.strerror}; free up disk space") from error
+            raise StorageError(f"cannot open the journal {folder}: {error.strerror}; make room on the disk") from error
         self._size = 0
 
     @property
@@ -289,7 +289,7 @@ class Journal(Closing):
 
     def _refused(self, verb: str, error: OSError, needed: int) -> StorageError:
         problem = StorageError(
-            f"cannot {verb} the journal {self._folder}: {error.strerror}; free up disk space", needed
+            f"cannot {verb} the journal {self._folder}: {error.strerror}; make room on the disk", needed
         )
         self._disk.refused(problem)
         return problem

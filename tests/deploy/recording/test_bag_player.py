@@ -132,7 +132,7 @@ def test_the_command_recovers(bag, tmp_path):
 def test_the_command_says_what_is_missing(tmp_path):
     result = CliRunner().invoke(app, ["replay", str(tmp_path / "nowhere")])
     assert result.exit_code == 1
-    assert "there is no recording at" in result.output.replace("\n", " ")
+    assert "no recording at" in result.output.replace("\n", " ")
 
 
 def test_the_viewer_asks_for_its_package(monkeypatch):
