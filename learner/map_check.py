@@ -74,4 +74,6 @@ def _check(specs: list[str], task: str, config: RunConfig) -> None:
         # The check itself failed, for example without the packages that actors need.
         logger.warning("the maps could not be looked at here: %s", said[-1] if said else "the check said nothing")
         return
-    raise ConfigError(f"maps of the run: {problem}. Where maps lie on the actors' machines alone, add --maps-elsewhere")
+    raise ConfigError(
+        f"maps of the run: {problem}. If the maps exist only on the actors' machines, add --maps-elsewhere"
+    )

@@ -266,7 +266,7 @@ class LearnedPlanner:
             card = self._read[task][1]
             if self._leaves_all(card):
                 log.info(
-                    "cells or viewpoints are of another scale than the shipped policy was trained with: %s decides",
+                    "cells or viewpoints differ in scale from the training of the shipped policy: %s decides",
                     find_task(task).reference,
                 )
             else:
