@@ -26,24 +26,24 @@ $(STAMP): pyproject.toml constraints.txt
 
 install: $(STAMP)  ## create .venv and install everything into it
 
-run: $(STAMP)  ## train here: a learner, two PyBullet actors and an evaluator, shown live (Ctrl-C ends it, again: goes on)
+run: $(STAMP)  ## train here: a learner, two PyBullet actors and an evaluator, with a live view (Ctrl-C stops; run again to resume)
 	@sim=''; $(BIN)/python -c 'import pybullet' 2>/dev/null || { sim='--sim grid'; echo 'no PyBullet here: training with --sim grid'; }; \
 	if compgen -G 'runs/default/checkpoints/*' >/dev/null; then $(BIN)/hd-learner resume --actors 2 --evaluators 1 $$sim; \
 	else $(BIN)/hd-learner start --preset workstation --actors 2 --evaluators 1 $$sim; fi
 
-demo: $(STAMP)  ## a simulated robot explores an office: live in the terminal, a video in runs/demo
+demo: $(STAMP)  ## a simulated robot explores an office, live in the terminal; writes a video to runs/demo
 	$(BIN)/hd-deploy demo
 
 test: $(STAMP)  ## the test suite without its slow tests
 	$(BIN)/python -m pytest -n $(JOBS) -m 'not slow'
 
-check:  ## what must be green before a change lands: install, lint, types, test
+check:  ## everything that must pass before a change lands: install, lint, types, tests
 	bash .ci/run
 
 test-all: $(STAMP)  ## the whole test suite
 	$(BIN)/python -m pytest -n $(JOBS)
 
-test-ros: $(STAMP)  ## the relay against real ROS 2 (rclpy, Fast DDS); skipped with a word where it has no wheels
+test-ros: $(STAMP)  ## the relay against real ROS 2 (rclpy, Fast DDS); skipped with a message where there are no wheels
 	@if [ $(ROS_STAMP) -ot pyproject.toml ] || [ $(ROS_STAMP) -ot constraints.txt ]; then \
 		scripts/ros_environment.sh $(PYTHON) $(VENV) $(ROS_VENV) && touch $(ROS_STAMP) || status=$$?; \
 		if [ "$$status" = 3 ]; then \
@@ -66,21 +66,21 @@ format: $(STAMP)  ## put the code into its format
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-docs: $(STAMP)  ## write the pages that are made from the code, and build the site in build/site
+docs: $(STAMP)  ## write the generated pages, and build the site in build/site
 	$(BIN)/python -c "from pathlib import Path; from common.config.describe import documentation; Path('docs/configuration.md').write_text(documentation(), 'utf-8')"
 	$(BIN)/python -c "from pathlib import Path; from deploy.profiles import documentation; Path('docs/deploy/parameters.md').write_text(documentation(), 'utf-8')"
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
-bench: $(STAMP)  ## measure: decision step, simulators, inference, actors, updates, ingest, memory
+bench: $(STAMP)  ## measure decision step, simulators, inference, actors, updates, ingest, memory
 	$(BIN)/python -m benchmarks
 
-soak: $(STAMP)  ## half an hour of physics in which something fails every minute: a table of each stop (MINUTES=30)
+soak: $(STAMP)  ## half an hour of physics with a fault every minute: a table of each stop (MINUTES=30)
 	$(BIN)/python -m benchmarks.soak --minutes $(MINUTES)
 
-faults: $(STAMP)  ## kill, freeze, cut, fill, damage and flood a training run: a table of what was lost (docs/faults.md)
+faults: $(STAMP)  ## inject faults into a training run (kill, freeze, cut, fill, damage, flood): a table of losses (docs/faults.md)
 	$(BIN)/python -m benchmarks.faults
 
-fuzz: $(STAMP)  ## try all decoders with changed bytes (MINUTES=30)
+fuzz: $(STAMP)  ## fuzz all decoders with modified bytes (MINUTES=30)
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES)
 
 clean:  ## remove caches and the environment, never runs/

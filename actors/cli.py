@@ -62,7 +62,7 @@ def main(
         list[str] | None,
         typer.Option(help=f"Endpoint of the learner, or of a Zenoh router. [default: {DEFAULT_ENDPOINT}]"),
     ] = None,
-    run: Annotated[str | None, typer.Option(help="Name of the run; not needed while exactly one is there.")] = None,
+    run: Annotated[str | None, typer.Option(help="Name of the run; optional if there is exactly one.")] = None,
     sim: Annotated[
         str | None,
         typer.Option(
@@ -103,7 +103,8 @@ def main(
     """Run simulated robots that collect experience for a learner.
 
     Everything about the run comes from the learner, so an actor needs no more than its endpoint. Actors may start
-    before the learner, come and go at any time, and go on while it is away. Ctrl-C ends them within three seconds.
+    before the learner, join and leave at any time, and continue while it is away. Ctrl-C ends them within
+    three seconds.
     """
     del version
     setup_logging(None if log_level is None else log_level.value)
@@ -148,7 +149,7 @@ def main(
 
 
 def free_names(prefix: str, count: int, taken: frozenset[str]) -> list[str]:
-    """Return the first ``count`` names PREFIX-k that nobody on the bus has."""
+    """Return the first ``count`` names PREFIX-k that are free on the bus."""
     names: list[str] = []
     number = 0
     while len(names) < count:

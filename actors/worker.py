@@ -146,8 +146,8 @@ class Worker:
             fresh = self._restarted_learner(session, parts)
             if fresh is not None and fresh.config != spec.config:
                 log.warning(
-                    "the learner of run %r was restarted with another configuration: beginning anew; "
-                    "%d messages of the old one are dropped",
+                    "the learner of run %r was restarted with another configuration: starting over; %d messages "
+                    "collected with the old one are dropped",
                     spec.run,
                     parts.sender.pending,
                 )

@@ -220,7 +220,7 @@ class Ingest:
             except CheckpointError as error:
                 if segment >= place:
                     raise
-                logger.error("%s; the replay buffer goes on without the rest of it", error)
+                logger.error("%s; the replay buffer continues without the rest of it", error)
         if self._journal.losses and (missing := missing_deliveries(self._seen)):
             logger.error("deliveries that the damage has cost: %s", missing)
         if self.poisoned:
@@ -290,8 +290,8 @@ class Ingest:
             raise RefusedError(refusal)
         if self._seen.full and not self._seen.knows(delivery.actor, delivery.incarnation):
             raise RefusedError(
-                f"this run has had {MAX_CLOSED:,} processes of actors and takes no further ones: somebody invents "
-                "names; use certificates (docs/bus.md), and begin another run"
+                f"this run has had {MAX_CLOSED:,} actor processes and accepts no more: a client invents names; use "
+                "certificates (docs/bus.md), and start another run"
             )
 
     def _fill(self, delivery: Delivery, segment: int) -> int:

@@ -51,8 +51,8 @@ class LocalActors(Closing):
     def __init__(self, bus: BusConfig, run: str, number: int, prefix: str = LOCAL, options: Sequence[str] = ()) -> None:
         if bus.tls_ca is not None:
             raise ConfigError(
-                "local actors (--actors) have no certificates of their own: with TLS start them with `hd-actor` and "
-                "their certificate"
+                "local actors (--actors) have no certificates: with TLS, start them with `hd-actor` and their "
+                "certificate"
             )
         command = python_module("actors", "--num", str(number), "--connect", local_endpoint(bus.listen))
         command += ["--run", run, "--name", prefix, *options]

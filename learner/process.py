@@ -199,7 +199,7 @@ def refuse_second_learner(session: zenoh.Session, config: RunConfig, learner: in
         BusError: there is one: actors would deliver to either, and each would train on a part.
     """
     if config.bus.connect and not wait_for_routers(session, ROUTER_SECONDS):
-        logger.warning("none of the routers %s answers yet: going on without", ", ".join(config.bus.connect))
+        logger.warning("none of the routers %s answers yet: continuing without", ", ".join(config.bus.connect))
     others = [spec for spec in specs_of(session, config.name, SECOND_SECONDS) if spec.learner != learner]
     if others:
         raise BusError(

@@ -104,7 +104,7 @@ class Trainer:
         if self.config.learner.initial_policy is not None:
             weights, card = read_weights(Path(self.config.learner.initial_policy).expanduser())
             self.algorithm.adopt(with_features(weights, card.network, self.config.network))
-            logger.info("training goes on from the policy of run %s, %d updates", card.run, card.updates)
+            logger.info("training continues from the policy of run %s, %d updates", card.run, card.updates)
         self._open_records(episodes_length=0, updates=0)
         self.recorder.write_text("config", f"```json\n{self.config.model_dump_json(indent=2)}\n```")
         if len(self._journal.segments()) > 1:
@@ -119,7 +119,7 @@ class Trainer:
             StorageError: the disk refuses what has to be written for that.
         """
         if not has_begun(self.run.path):
-            logger.info("run %s has no checkpoint yet: it begins again", self.config.name)
+            logger.info("run %s has no checkpoint yet: starting over", self.config.name)
             self.begin()
             return
         checkpoint = self.checkpoints.load_newest()
@@ -374,7 +374,9 @@ class Trainer:
         if self.cloning and not self.replay.labelled:
             if not self._warned_unlabelled:
                 self._warned_unlabelled = True
-                logger.warning("no labelled step has come yet, so imitation waits: actors label when cloning is on")
+                logger.warning(
+                    "no labelled step received yet, so imitation waits: actors label only if cloning is enabled"
+                )
             return False
         return self.cloning or len(self.replay) > 0
 

@@ -40,7 +40,7 @@ def hostile(rig: Rig, messages: int) -> Row:
         sent = rig.start("hostile", orders).finish(60.0 + messages / _HOSTILE_RATE)
         took = time.monotonic() - began
         resumes = rig.resumed(time.monotonic())
-    errors = said[0].count("failed and goes on") + said[0].count("could not be stored")
+    errors = said[0].count("failed and continues") + said[0].count("could not be stored")
     seen = (
         f"{sent['refused']:,.0f} refused, {sent['taken']:,.0f} still valid, {sent['unanswered']:,.0f} unanswered; "
         f"{messages / took:,.0f}/s, {len(said[0]) / 1000:,.0f} kB of log"

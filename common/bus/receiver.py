@@ -132,7 +132,7 @@ class ExperienceServer(Closing):
 
 def _payload(query: zenoh.Query) -> bytes:
     if query.payload is None:
-        raise MessageError("delivery", "must come as the payload of the query, got none")
+        raise MessageError("delivery", "must be the payload of the query, got none")
     if len(query.payload) > MAX_DELIVERY:
         raise MessageError("delivery", f"must have at most {MAX_DELIVERY} bytes, got {len(query.payload)}")
     return query.payload.to_bytes()

@@ -268,7 +268,7 @@ class ExperienceSender(Closing):
         self._allowed = min(self._window, self._allowed + 1)
         self._patience = min(self._longest, max(self._ack_timeout, 4.0 * took, 0.9 * self._patience))
         if ack.stored and ack.sequence != sequence:
-            log.warning("message %d came back acknowledged as %d: sending it again", sequence, ack.sequence)
+            log.warning("message %d was acknowledged as %d: sending it again", sequence, ack.sequence)
             self._unanswered(sequence, parcel)
             return
         if ack.stored or ack.error:
@@ -282,7 +282,7 @@ class ExperienceSender(Closing):
             self._present = True
             log.info("the learner answers; %d messages to deliver", len(self._parcels))
         if self._learner not in (-1, ack.learner):
-            log.info("the learner was restarted; going on")
+            log.info("the learner was restarted; continuing")
         self._learner = ack.learner
         self._hold_until = time.monotonic() + ack.hold
 
@@ -314,7 +314,7 @@ class ExperienceSender(Closing):
         if self._present:
             self._present = False
             log.warning(
-                "the learner does not answer (message %d); going on, with room for %d messages",
+                "the learner does not answer (message %d); continuing, with room for %d more messages",
                 sequence,
                 self._capacity - len(self._parcels),
             )

@@ -88,7 +88,7 @@ def _close(session: zenoh.Session) -> None:
         session.close()
     except zenoh.ZError as error:
         # Thousands of connections that say nothing take longer than Zenoh waits; they end with the process.
-        log.warning("the bus was not closed in order: %s", reason(error))
+        log.warning("closing the bus failed: %s", reason(error))
 
 
 def free_ports(count: int) -> list[int]:
@@ -101,8 +101,8 @@ def free_ports(count: int) -> list[int]:
 def _warn_of_strangers(listen: str, config: BusConfig) -> None:
     if not is_loopback(listen) and config.tls_ca is None:
         log.warning(
-            "listening on %s without TLS: everybody who reaches this address can send experience and commands; "
-            "make certificates with 'hd-learner certificates', or listen on 127.0.0.1",
+            "listening on %s without TLS: anyone who can reach this address can send experience and commands; create "
+            "certificates with 'hd-learner certificates', or listen on 127.0.0.1",
             listen,
         )
 
@@ -205,5 +205,5 @@ def _why_not_listening(endpoint: str, error: str) -> str:
     if "in use" in error:
         return f"{endpoint} is in use by another process: stop it, or choose another port (--listen tcp/127.0.0.1:7448)"
     if "assign requested address" in error:
-        return f"this machine has no address {endpoint}: listen on one of its own, such as tcp/127.0.0.1:7447"
+        return f"this machine has no address {endpoint}: listen on one that it has, such as tcp/127.0.0.1:7447"
     return f"cannot listen on {endpoint}: {error}"

@@ -100,7 +100,7 @@ def _open(config: RosConfig, mode: str, listen: tuple[str, ...], timeout: int) -
     open_to = [endpoint for endpoint in listen if not is_loopback(endpoint)]
     if open_to and config.tls_ca is None:
         log.warning(
-            "listening on %s without TLS: everybody who reaches this address can command the robot and send it "
+            "listening on %s without TLS: anyone who can reach this address can command the robot and send it "
             "velocities; set ros.tls_ca, ros.tls_certificate and ros.tls_key, or listen on 127.0.0.1",
             ", ".join(open_to),
         )

@@ -70,7 +70,7 @@ class Sample:
         told = told_after = None
         if privileged:
             if batch.labels is None or batch.next_labels is None or not batch.labelled.all():
-                raise ValueError("a privileged critic learns from labelled transitions alone: sample those")
+                raise ValueError("a privileged critic learns only from labelled transitions: sample those")
             # The o' of a time limit has no labels, because nothing was decided there.
             usable = usable & (batch.next_labelled | batch.terminal)
             told = told_rewards(torch.from_numpy(batch.labels.cost), config).to(device)
