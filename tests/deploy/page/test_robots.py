@@ -54,7 +54,7 @@ def test_a_robot_is_seen_commanded_and_stopped(world):
         assert reader.command("start", "robot")["ok"]
         reader.until(lambda: state(reader) == "running" and len(reader.series["robot/robot/way"][0]) > 10, 60)
         assert reader.command("pause", "robot")["state"]["state"] == "paused"
-        assert eventually(lambda: robot.waypoint is None or robot.pose.distance_to(robot.waypoint) < 0.05)
+        assert eventually(lambda: robot.waypoint is None or robot.pose.distance_to(robot.waypoint) < 0.05, 60)
 
         # The belief that was put together of blocks is the belief.
         def agrees():
@@ -108,6 +108,6 @@ def test_robots_below_a_namespace_come_by_themselves(world):
             reader.take(0.1)
             return of(reader, "status", "second") == told
 
-        assert eventually(shows)
+        assert eventually(shows, 60)
         assert reader.values["robots"] == [{"name": "robot", "silent": False}, {"name": "second", "silent": False}]
         reader.until(lambda: {"name": "second", "silent": True} in reader.values["robots"])
