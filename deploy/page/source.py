@@ -145,7 +145,7 @@ def below(config: DeployConfig, where: str) -> DeployConfig:
         for name, value in config.topics.model_dump().items()
         if isinstance(value, str) and name != "remap"
     }
-    topics = TopicsConfig(**names)
+    topics = TopicsConfig.model_validate(names)
     return config.model_copy(update={"topics": topics, "ros": config.ros.model_copy(update={"namespace": where})})
 
 

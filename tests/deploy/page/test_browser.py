@@ -34,7 +34,7 @@ FLAGS = [
     "--disable-sync",
 ]
 TOKEN = "let-me-command"
-WORLD = "generator:rooms?width=160&height=160"
+WORLD = "generator:rooms?width=192&height=192"
 PATIENCE = 120.0
 PICTURES = Path(__file__).parents[3] / "docs" / "pictures"
 BOX = "() => JSON.stringify(document.getElementById('map').getBoundingClientRect())"
