@@ -206,7 +206,9 @@ async function askGoal() {
 
 async function go(x, y) {
   setPin(null);
-  await carryOut(connection, selected, "goal", { x, y }, `On the way to (${number(x)}, ${number(y, "m")})`);
+  const where = `(${number(x)}, ${number(y, "m")})`;
+  const paused = value("status")?.state === "paused";
+  await carryOut(connection, selected, "goal", { x, y }, paused ? `The goal is ${where}: resume to go there` : `On the way to ${where}`);
 }
 
 $("stop").addEventListener("click", () => stop(""));

@@ -78,7 +78,8 @@ def test_a_robot_is_seen_commanded_and_stopped(world):
         # A place that it knows, and where it is not.
         way = reader.series["robot/robot/way"][0]
         goal = max(way, key=lambda place: robot.pose.distance_to(tuple(place)))
-        assert reader.command("goal", "robot", x=goal[0], y=goal[1])["ok"]
+        assert reader.command("goal", "robot", x=goal[0], y=goal[1])["state"]["state"] == "paused"
+        assert reader.command("resume", "robot")["ok"]
         reader.until(lambda: robot.pose.distance_to(tuple(goal)) < 1.0, 60)
         assert not reader.command("goal", "robot", x="far", y=0.0)["ok"]
 
