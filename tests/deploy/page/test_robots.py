@@ -70,9 +70,8 @@ def test_a_robot_is_seen_commanded_and_stopped(world):
         assert len(scene["viewpoints"]) % 3 == len(scene["edges"]) % 4 == len(scene["beacons"]) % 3 == 0
         assert len(scene["frontiers"]) >= 2
         assert {seconds > 0.0 for _, seconds in reader.series["robot/robot/decisions"][0]} == {True}
-        states = [event[1] for event in reader.series["robot/robot/events"][0]]
-        assert "running" in states
-        assert states[-1] == "paused"
+        reader.until(lambda: reader.series["robot/robot/events"][0][-1][1] == "paused")
+        assert "running" in [event[1] for event in reader.series["robot/robot/events"][0]]
         assert of(reader, "watchdog")["mode"]
 
         # A place that it knows, and where it is not.
