@@ -13,11 +13,13 @@ from common.bus.control import request
 from common.cli import CommandApp, add_version, command_errors
 from common.config.describe import to_markdown, to_toml
 from common.errors import ConfigError
+from common.page.options import PageOption, TokenOption, page_settings
 from common.system.logs import setup_logging
 from common.tasks import NAVIGATION, find_task
 from deploy.cli_options import ConfigFile, Connect, LogLevel, Overrides, Profile, RobotName, load_options
 from deploy.config import DeployConfig
 from deploy.network_cli import add_network_commands
+from deploy.page.cli import PAGE_EXAMPLES, announce, page
 from deploy.recording.cli import app as recording_app
 from deploy.robot.cli import DEMO_EXAMPLES, demo, robot
 from deploy.robot.cli import EXAMPLES as ROBOT_EXAMPLES
@@ -32,6 +34,7 @@ app = CommandApp(
 
 app.command(epilog=ROBOT_EXAMPLES)(robot)
 app.command(epilog=DEMO_EXAMPLES)(demo)
+app.command(epilog=PAGE_EXAMPLES)(page)
 app.add_typer(recording_app)
 add_network_commands(app)
 add_version(app)
@@ -60,6 +63,8 @@ def bridge(
         typer.Option("--listen", help="Act as the robot's Zenoh router at this endpoint.", metavar="ENDPOINT"),
     ] = None,
     name: RobotName = None,
+    page_at: PageOption = None,
+    page_token: TokenOption = None,
     log_level: LogLevel = None,
 ) -> None:
     """Run the bridge on a robot's computer. Ctrl-C, or SIGTERM, stops the robot and ends it.
@@ -72,6 +77,8 @@ def bridge(
     - `hd-deploy bridge --profile nav2 --planner tare --set mapping.viewpoint_spacing=1.5`
 
     - `hd-deploy bridge --goal 12.5,-3 --autostart`
+
+    - `hd-deploy bridge --page 8080` shows the robot in a browser, and takes its commands
     """
     setup_logging(log_level)
     extra: list[str] = []
@@ -90,7 +97,15 @@ def bridge(
         resolved = load_options(profile, config, overrides, connect, name, [*extra, f"decision.task={NAVIGATION.name}"])
     from deploy.bridge.process import run_bridge
 
-    run_bridge(resolved)
+    if page_at is None:
+        run_bridge(resolved)
+        return
+    from deploy.page.process import start_page
+
+    settings = page_settings(page_at, page_token)
+    with start_page(settings, resolved) as shown:
+        announce(shown.address, settings)
+        run_bridge(resolved)
 
 
 @app.command()

@@ -108,6 +108,8 @@ class TopicsConfig(Section):
     """OUT diagnostic_msgs/DiagnosticArray: levels of task, inputs, planner and watchdog."""
     markers: str = "/hd/markers"
     """OUT visualization_msgs/MarkerArray: graph, frontiers, beacons, attention."""
+    scene: str = "/hd/scene"
+    """OUT std_msgs/String: JSON of the same for pages and programs, with the probabilities of beacons and waypoints."""
     belief: str = "/hd/belief"
     """OUT nav_msgs/OccupancyGrid, transient local: the planner's map."""
     watchdog: str = "/hd/watchdog"

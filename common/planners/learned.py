@@ -80,11 +80,16 @@ class LearnedPlanner:
         policy: the network; weights that it loads hold from the next decision on. Of shipped policies as `card`.
         rule_applied: decisions of this episode that the rule made.
         guarded: decisions of this episode that the classical planner made.
+        guarded_by: name of the classical planner that made the last decision; empty where the policy did.
         attention: how probable the choices of the last decision were; None before the first.
     """
 
     policy: Policy
+    rule_applied: int
+    guarded: int
+    guarded_by: str
     attention: Attention | None
+    _places: PlacesSinceGain
     _beacon: Position | None
     _reference: ReferenceRoute | None
     _depth: Depth | None
@@ -174,8 +179,10 @@ class LearnedPlanner:
             decider = self._depth.decider(mapper, self.rule_applied)
             if decider is not Decider.POLICY:
                 self.guarded += 1
+                self.guarded_by = self._classical[decider].name
                 self.attention = None
                 return self._classical[decider].plan(mapper, pose)
+        self.guarded_by = ""
         end = self._end(mapper, pose)
         if end is not None:
             return end
@@ -289,6 +296,7 @@ class LearnedPlanner:
         self._depth = None
         self._classical = {}
         self.guarded = 0
+        self.guarded_by = ""
         # Viewpoints beside lattice points move a little whenever their surroundings become known better.
         self._places = PlacesSinceGain(ON_VIEWPOINT * self._config.viewpoint_spacing)
         self._way_out = None
