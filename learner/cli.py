@@ -63,6 +63,12 @@ Evaluators = Annotated[
         "--evaluators", min=0, help="Evaluators to start on this machine; they choose the best policy.", metavar="N"
     ),
 ]
+Learners = Annotated[
+    int,
+    typer.Option(
+        "--learners", min=1, help="Processes that share each update: one for each GPU or few cores.", metavar="N"
+    ),
+]
 Serial = Annotated[bool, typer.Option("--serial", help="Learner and one actor in one process, without a network.")]
 MapsElsewhere = Annotated[
     bool, typer.Option("--maps-elsewhere", help="The maps are on the actors' machines: do not check them here.")
@@ -80,6 +86,7 @@ def start(
     listen: Listen = None,
     actors: Actors = 0,
     evaluators: Evaluators = 0,
+    learners: Learners = 1,
     sim: Simulator = None,
     serial: Serial = False,
     maps_elsewhere: MapsElsewhere = False,
@@ -98,7 +105,7 @@ def start(
     """
     restart_prepared()
     resolved = load_config(config, _all_overrides(overrides, run, listen, sim), os.environ, preset)
-    options = RunOptions(actors, evaluators, serial, maps_elsewhere, log_level)
+    options = RunOptions(actors, evaluators, learners, serial, maps_elsewhere, log_level)
     _run(resolved, runs, options, resume=False, overwrite=overwrite)
 
 
@@ -110,6 +117,7 @@ def resume(
     listen: Listen = None,
     actors: Actors = 0,
     evaluators: Evaluators = 0,
+    learners: Learners = 1,
     sim: Simulator = None,
     serial: Serial = False,
     maps_elsewhere: MapsElsewhere = False,
@@ -131,7 +139,7 @@ def resume(
     resolved = load_config(runs / name / "config.json", _all_overrides(overrides, None, listen, sim), os.environ)
     if resolved.name != name:
         raise ConfigError(f"run {name!r} cannot be renamed to {resolved.name!r}: leave HD_NAME and --set name out")
-    options = RunOptions(actors, evaluators, serial, maps_elsewhere, log_level)
+    options = RunOptions(actors, evaluators, learners, serial, maps_elsewhere, log_level)
     _run(resolved, runs, options, resume=True, overwrite=False)
 
 
@@ -169,14 +177,17 @@ class RunOptions:
 
     actors: int
     evaluators: int
+    learners: int
     serial: bool
     maps_elsewhere: bool
     log_level: str | None
 
 
 def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, overwrite: bool) -> None:
-    if options.serial and (options.actors or options.evaluators):
-        raise ConfigError("--serial runs one actor in the learner's own process: leave --actors and --evaluators out")
+    if options.serial and (options.actors or options.evaluators or options.learners > 1):
+        raise ConfigError(
+            "--serial runs learner and one actor in one process: leave --actors, --evaluators and --learners out"
+        )
     console = message_console()
     setup_logging(options.log_level, console=console if console.is_terminal else None)
     check_maps(config, elsewhere=options.maps_elsewhere)
@@ -198,7 +209,8 @@ def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, ov
         if options.serial:
             run_serial(folder, console, resume=resume)
         else:
-            run_learner(folder, Companions(options.actors, options.evaluators), console, resume=resume)
+            companions = Companions(options.actors, options.evaluators, options.learners)
+            run_learner(folder, companions, console, resume=resume)
 
 
 @contextmanager

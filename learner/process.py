@@ -28,10 +28,10 @@ from common.system.signals import stopping_signals
 from common.system.threads import Ticker
 from learner.algorithm.base import PublishedVersion
 from learner.algorithm.device import choose_device
-from learner.algorithm.factory import make_learner
 from learner.control import Control
 from learner.local_actors import LOCAL, LocalActors
 from learner.loop import train
+from learner.ranks.team import open_learner
 from learner.rivals import Rivals
 from learner.run.folder import RunFolder
 from learner.trainer import Trainer
@@ -50,16 +50,18 @@ SECOND_SECONDS = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Companions:
-    """Actors to start beside the learner.
+    """Processes to start beside the learner.
 
     Attributes:
         actors: number that collect experience.
         evaluators: number that evaluate published versions.
+        learners: processes that share each update, the learner's own among them.
         options: further options of `hd-actor`.
     """
 
     actors: int = 0
     evaluators: int = 0
+    learners: int = 1
     options: tuple[str, ...] = ()
 
 
@@ -139,7 +141,7 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
 
     Args:
         run: the run's folder.
-        companions: actors to start beside it.
+        companions: processes to start beside it.
         console: shared by log and view.
         resume: continue from its newest checkpoint.
 
@@ -147,7 +149,9 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
         HDError: when the bus cannot be joined, the run cannot be continued, or training diverges.
     """
     config = run.config
-    limit_threads(config.learner.threads or cores_left(companions.actors + companions.evaluators))
+    cores = cores_left(companions.actors + companions.evaluators)
+    threads = config.learner.threads or max(1, cores // companions.learners)
+    limit_threads(threads)
     learner = new_incarnation()
     with contextlib.ExitStack() as stack:
         # The bus comes first: a port that is taken is found before the networks are made.
@@ -166,14 +170,14 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
                 )
             publisher.publish(newest, averaged)
 
-        algorithm = make_learner(config, device)
+        algorithm = stack.enter_context(open_learner(config, device, companions.learners, threads))
         trainer = Trainer(run, algorithm, publish, [LOCAL] if companions.evaluators else [])
         stack.callback(trainer.close)
         if resume:
             trainer.resume()
         else:
             trainer.begin()
-        reporter = Reporter(trainer, str(algorithm.device), config.bus.listen)
+        reporter = Reporter(trainer, str(device), config.bus.listen)
         link = stack.enter_context(Link(session, trainer, learner, reporter))
         # Once more, now that others see this one: of two that started together neither has seen the other before.
         refuse_second_learner(session, config, learner)
