@@ -23,6 +23,7 @@ from common.errors import BusError
 from common.messages.replies import Spec
 from common.messages.weights import Weights
 from common.system.closing import Closing
+from common.system.metrics_server import MetricsServer
 from common.system.runtime import cores_left, limit_threads
 from common.system.signals import stopping_signals
 from common.system.threads import Ticker
@@ -36,6 +37,7 @@ from learner.rivals import Rivals
 from learner.run.folder import RunFolder
 from learner.trainer import Trainer
 from learner.warmup import warm_up
+from learner.watch.prometheus import learner_figures
 from learner.watch.report import Reporter
 from learner.watch.status import LearnerStatus
 from learner.watch.view import View
@@ -57,12 +59,14 @@ class Companions:
         evaluators: number that evaluate published versions.
         learners: processes that share each update, the learner's own among them.
         options: further options of `hd-actor`.
+        metrics: host and port on which the learner serves its figures for Prometheus; None for none.
     """
 
     actors: int = 0
     evaluators: int = 0
     learners: int = 1
     options: tuple[str, ...] = ()
+    metrics: tuple[str, int] | None = None
 
 
 class Link(Closing):
@@ -182,6 +186,8 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
         # Once more, now that others see this one: of two that started together neither has seen the other before.
         refuse_second_learner(session, config, learner)
         logger.info("run %s listens on %s", config.name, config.bus.listen)
+        if companions.metrics is not None:
+            stack.enter_context(MetricsServer(companions.metrics, lambda: learner_figures(link.status())))
         for local in _local_actors(run, companions):
             stack.enter_context(local)
         stack.enter_context(View(link.status, console))

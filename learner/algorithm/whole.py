@@ -102,7 +102,7 @@ def sum_gradients(parameters: Iterable[nn.Parameter]) -> None:
     held = list(parameters)
     own = [torch.zeros_like(value) if value.grad is None else value.grad for value in held]
     whole = ranks.sum(torch.cat([gradient.reshape(-1) for gradient in own]))
-    for value, part in zip(held, whole.split([value.numel() for value in held]), strict=True):
+    for value, part in zip(held, torch.split(whole, [value.numel() for value in held]), strict=True):
         value.grad = part.view_as(value)
 
 

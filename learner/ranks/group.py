@@ -53,7 +53,7 @@ class Group(Closing):
         os.environ.setdefault("TORCH_NCCL_BLOCKING_WAIT", "1")
         backend = "nccl" if device.type == "cuda" else "gloo"
         try:
-            store = distributed.FileStore(str(meeting_place), size)
+            store = distributed.FileStore(str(meeting_place), size)  # type: ignore[attr-defined]
             store.set_timeout(timedelta(seconds=JOIN_SECONDS))
             distributed.init_process_group(
                 backend, store=store, rank=rank, world_size=size, timeout=timedelta(seconds=STEP_SECONDS)
