@@ -13,6 +13,9 @@ from common.system.extras import optional
 
 LOOPBACK = "127.0.0.1"
 
+Values = dict[tuple[str, ...], float]
+"""A figure by the values of its labels."""
+
 
 @dataclass(frozen=True, slots=True)
 class Figure:
@@ -28,7 +31,7 @@ class Figure:
 
     name: str
     text: str
-    values: dict[tuple[str, ...], float]
+    values: Values
     labels: tuple[str, ...] = ()
     kind: Literal["gauge", "counter"] = "gauge"
 

@@ -19,7 +19,7 @@ from common.system.closing import Closing
 from common.system.remote_files import RemoteFolder
 from learner.run.checkpoints import CheckpointStore
 from learner.run.files import make_folder, sync_path
-from learner.run.journal import new_marker, segment_name
+from learner.run.records import new_marker, segment_name
 
 logger = logging.getLogger(__name__)
 

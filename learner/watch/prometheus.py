@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from common.system.metrics_server import Figure
+from common.system.metrics_server import Figure, Values
 from learner.watch.status import ActorStatus, LearnerStatus
 
 STATES: Final = (
@@ -58,18 +58,18 @@ def learner_figures(status: LearnerStatus) -> Iterator[Figure]:
         yield Figure(name, text, {(): float(value(status))}, kind="counter")
     for name, (text, value) in _GAUGES.items():
         yield Figure(name, text, {(): float(value(status))})
-    states = {(state,): float(state == status.state) for state in STATES}
+    states: Values = {(state,): float(state == status.state) for state in STATES}
     yield Figure("hd_state", "What the learner does: 1 for its state, 0 for all others.", states, ("state",))
     present = [actor for actor in status.actors if actor.alive]
-    roles = {(role,): float(sum(actor.role == role for actor in present)) for role in ("actor", "evaluator")}
+    roles: Values = {(role,): float(sum(actor.role == role for actor in present)) for role in ("actor", "evaluator")}
     yield Figure("hd_actors", "Actors and evaluators on the bus.", roles, ("role",))
     yield Figure("hd_demand_actors", "Actors that would keep the learner busy.", {(): demand(status)})
     for name, (text, of_actor) in _OF_ACTORS.items():
-        values = {(actor.name, actor.role): float(of_actor(actor)) for actor in present}
+        values: Values = {(actor.name, actor.role): float(of_actor(actor)) for actor in present}
         yield Figure(name, text, values, ("actor", "role"))
-    success = {(group,): means.success for group, means in status.late.items()}
+    success: Values = {(group,): means.success for group, means in status.late.items()}
     yield Figure("hd_episode_success", "Share of the late episodes that were completed.", success, ("group",))
-    distance = {(group,): means.distance for group, means in status.late.items()}
+    distance: Values = {(group,): means.distance for group, means in status.late.items()}
     yield Figure("hd_episode_distance_metres", "Mean way of the late episodes.", distance, ("group",))
 
 
