@@ -1,6 +1,6 @@
 """Means, sums and random numbers of a whole batch, of which this process may hold only some rows.
 
-Several learner processes (`learner.ranks`) share each batch: every rank makes the same update from its own rows, in
+Several learner processes (`learner/ranks`) share each batch: every rank makes the same update from its own rows, in
 lockstep. A loss that is linear in values of `mean` then has the same value on every rank, its gradients on all ranks
 add up to the gradient of the whole batch (`sum_gradients`), and random numbers are those that one process would have
 drawn (`drawn`). So N ranks make the weights of one, up to rounding. Outside of `sharing` the own rows are the whole.
