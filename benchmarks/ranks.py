@@ -1,4 +1,4 @@
-"""Measure an update at batch 64 that 1, 2 and 4 learner processes share, each with one thread, on real transitions.
+"""Measure an update at batch 64 that 1, 2 and 4 learner processes share, each with one thread, on real transitions (width 64, fp32).
 
 `python -m benchmarks.ranks [--updates N]`: seconds of an update by the clock, and processor seconds of rank 0, its
 share of the work and what the sharing costs it, which other work on the machine hardly changes. On fewer cores than
@@ -29,9 +29,9 @@ WAIT_SECONDS = 180.0
 def run(updates: int = 5) -> dict[str, float]:
     """Return seconds by the clock and of rank 0's processor for each number of ranks, and the bytes of messages."""
     torch.set_num_threads(1)
-    batch = real_transitions(BATCH)
+    batch = real_transitions(BATCH, episodes=4)
     config = RunConfig.model_validate(
-        {"network": SIZES["paper"].model_dump(), "reward": {"kind": "potential"}, "learner": {"precision": "fp32"}}
+        {"network": SIZES["small"].model_dump(), "reward": {"kind": "potential"}, "learner": {"precision": "fp32"}}
     )
     results: dict[str, float] = {"ranks/viewpoints": float(batch.observations.count.mean())}
     halves = split(batch, 2)

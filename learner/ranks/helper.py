@@ -6,6 +6,7 @@ and writes one line to standard output once it is ready; its log goes to standar
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import signal
@@ -15,7 +16,7 @@ from typing import Any, BinaryIO
 
 import torch
 
-from common.config import RunConfig
+from common.config.names import config_from_message
 from common.system.logs import setup_logging
 from common.system.runtime import limit_threads
 from common.system.signals import ignore_signals
@@ -78,7 +79,9 @@ def main() -> None:
         return
     setup_logging(begin["log_level"])
     limit_threads(begin["threads"])
-    config, device = RunConfig.model_validate_json(begin["config"]), torch.device(begin["device"])
+    # It comes from rank 0, whose user has named all of its modules.
+    config = config_from_message(begin["config"], json.loads(begin["allowed"]), "name it at the learner")
+    device = torch.device(begin["device"])
     warm_up(config, device)
     helper = Helper(make_learner(config, device))
     os.write(answers, READY)

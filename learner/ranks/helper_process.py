@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import select
@@ -12,6 +13,7 @@ import time
 import torch
 
 from common.config import RunConfig
+from common.config.names import module_names
 from common.system.closing import Closing
 from common.system.runtime import process_environment, python_module
 from learner.algorithm.base import RanksError
@@ -57,7 +59,8 @@ class HelperProcess(Closing):
         )
         self._reader.start()
         level = logging.getLevelName(logging.getLogger().getEffectiveLevel()).lower()
-        self.send(frame("begin", config=config.model_dump_json(), device=str(device), threads=threads, log_level=level))
+        begin = {"config": config.model_dump_json(), "allowed": json.dumps(module_names(config))}
+        self.send(frame("begin", **begin, device=str(device), threads=threads, log_level=level))
 
     @property
     def pid(self) -> int:
