@@ -1,4 +1,4 @@
-"""Measure an update at batch 64 that 1, 2 and 4 learner processes share, each with one thread, on real transitions (width 64, fp32).
+"""Measure an update at batch 64 (width 64, fp32) that 1, 2 and 4 learner processes share, each with one thread.
 
 `python -m benchmarks.ranks [--updates N]`: seconds of an update by the clock, and processor seconds of rank 0, its
 share of the work and what the sharing costs it, which other work on the machine hardly changes. On fewer cores than
