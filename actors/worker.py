@@ -63,6 +63,7 @@ class Worker:
         options: what this actor was told.
         state: what it does now, one line.
         acted: whether it ever got as far as acting.
+        stats: newest statistics, None before it joined the run.
     """
 
     def __init__(self, options: ActorOptions, stop: threading.Event) -> None:
@@ -70,6 +71,7 @@ class Worker:
         self._stop = stop
         self.state = "starting"
         self.acted = False
+        self.stats: ActorStats | None = None
 
     def run(self) -> None:
         """Act until told to stop; a learner that comes back with another configuration is begun with anew."""
@@ -249,5 +251,6 @@ class _Teller:
             buffered=parts.sender.pending,
             state=self._worker.state,
         )
+        self._worker.stats = stats
         if not self._session.is_closed():
             publish_stats(self._session, options.run, options.role, options.name, stats)

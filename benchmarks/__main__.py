@@ -29,6 +29,7 @@ PARTS: dict[str, tuple[str, int | None]] = {
     "inference": ("the policy at batch 1 on one core", 1),
     "actor_steps": ("full steps of one actor on one core", 1),
     "updates": ("updates of the learner at batch 64", None),
+    "ranks": ("an update that 1, 2 and 4 learner processes share", 1),
     "replay": ("the replay buffer", 1),
     "ingest": ("chunks through codec and bus, weights to actors", 1),
     "acknowledgement": ("what it costs to acknowledge from the disk instead of from memory", 1),

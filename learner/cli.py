@@ -19,10 +19,12 @@ from common.config.load import load_config, preset_names
 from common.errors import ConfigError, StorageError
 from common.extensions import SIMULATORS
 from common.system.logs import log_file, setup_logging
+from common.system.metrics_server import metrics_address
 from common.system.runtime import restart_prepared
 from learner.files_cli import RUNS, RunName, RunsFolder, add_file_commands
 from learner.map_check import check_maps
 from learner.remote_cli import add_remote_commands
+from learner.router_cli import router
 
 app = CommandApp(
     name="hd-learner",
@@ -63,9 +65,18 @@ Evaluators = Annotated[
         "--evaluators", min=0, help="Evaluators to start on this machine; they choose the best policy.", metavar="N"
     ),
 ]
+Learners = Annotated[
+    int,
+    typer.Option(
+        "--learners", min=1, help="Processes that share each update: one for each GPU or few cores.", metavar="N"
+    ),
+]
 Serial = Annotated[bool, typer.Option("--serial", help="Learner and one actor in one process, without a network.")]
 MapsElsewhere = Annotated[
     bool, typer.Option("--maps-elsewhere", help="The maps are on the actors' machines: do not check them here.")
+]
+Metrics = Annotated[
+    str | None, typer.Option("--metrics", help="Serve figures for Prometheus there.", metavar="[HOST:]PORT")
 ]
 LogLevel = Annotated[str | None, typer.Option("--log-level", help="debug, info, warning or error.", metavar="LEVEL")]
 
@@ -80,6 +91,8 @@ def start(
     listen: Listen = None,
     actors: Actors = 0,
     evaluators: Evaluators = 0,
+    learners: Learners = 1,
+    metrics: Metrics = None,
     sim: Simulator = None,
     serial: Serial = False,
     maps_elsewhere: MapsElsewhere = False,
@@ -98,7 +111,7 @@ def start(
     """
     restart_prepared()
     resolved = load_config(config, _all_overrides(overrides, run, listen, sim), os.environ, preset)
-    options = RunOptions(actors, evaluators, serial, maps_elsewhere, log_level)
+    options = RunOptions(actors, evaluators, learners, metrics, serial, maps_elsewhere, log_level)
     _run(resolved, runs, options, resume=False, overwrite=overwrite)
 
 
@@ -110,9 +123,17 @@ def resume(
     listen: Listen = None,
     actors: Actors = 0,
     evaluators: Evaluators = 0,
+    learners: Learners = 1,
+    metrics: Metrics = None,
     sim: Simulator = None,
     serial: Serial = False,
     maps_elsewhere: MapsElsewhere = False,
+    source: Annotated[
+        str | None,
+        typer.Option(
+            "--from", help="Fetch the run first: folder of runs at a URL (checkpoints.mirror).", metavar="URL"
+        ),
+    ] = None,
     runs: RunsFolder = RUNS,
     log_level: LogLevel = None,
 ) -> None:
@@ -122,16 +143,22 @@ def resume(
     - `hd-learner resume --run office --actors 2`
 
     - `hd-learner resume --run office --set learner.total_updates=40000` continues beyond its first goal.
+
+    - `hd-learner resume --run office --from s3://bucket/runs` goes on here with what another machine left there.
     """
     from learner.run.folder import check_run
 
     restart_prepared()
     name = run or RunConfig().name
+    if source is not None:
+        from learner.run.mirror import fetch_run
+
+        fetch_run(source, runs, name)
     check_run(runs / name, to_continue=True)
     resolved = load_config(runs / name / "config.json", _all_overrides(overrides, None, listen, sim), os.environ)
     if resolved.name != name:
         raise ConfigError(f"run {name!r} cannot be renamed to {resolved.name!r}: leave HD_NAME and --set name out")
-    options = RunOptions(actors, evaluators, serial, maps_elsewhere, log_level)
+    options = RunOptions(actors, evaluators, learners, metrics, serial, maps_elsewhere, log_level)
     _run(resolved, runs, options, resume=True, overwrite=False)
 
 
@@ -169,14 +196,21 @@ class RunOptions:
 
     actors: int
     evaluators: int
+    learners: int
+    metrics: str | None
     serial: bool
     maps_elsewhere: bool
     log_level: str | None
 
 
 def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, overwrite: bool) -> None:
-    if options.serial and (options.actors or options.evaluators):
-        raise ConfigError("--serial runs one actor in the learner's own process: leave --actors and --evaluators out")
+    if options.serial and (options.actors or options.evaluators or options.learners > 1):
+        raise ConfigError(
+            "--serial runs learner and one actor in one process: leave --actors, --evaluators and --learners out"
+        )
+    if options.serial and options.metrics is not None:
+        raise ConfigError("--metrics tells of a run on the bus: leave it out with --serial")
+    address = None if options.metrics is None else metrics_address(options.metrics)
     console = message_console()
     setup_logging(options.log_level, console=console if console.is_terminal else None)
     check_maps(config, elsewhere=options.maps_elsewhere)
@@ -198,7 +232,8 @@ def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, ov
         if options.serial:
             run_serial(folder, console, resume=resume)
         else:
-            run_learner(folder, Companions(options.actors, options.evaluators), console, resume=resume)
+            companions = Companions(options.actors, options.evaluators, options.learners, metrics=address)
+            run_learner(folder, companions, console, resume=resume)
 
 
 @contextmanager
@@ -220,6 +255,7 @@ def _log_file(path: Path) -> Iterator[None]:
 add_version(app)
 add_file_commands(app)
 add_remote_commands(app)
+app.command()(router)
 
 
 def main() -> None:

@@ -23,19 +23,21 @@ from common.errors import BusError
 from common.messages.replies import Spec
 from common.messages.weights import Weights
 from common.system.closing import Closing
+from common.system.metrics_server import MetricsServer
 from common.system.runtime import cores_left, limit_threads
 from common.system.signals import stopping_signals
 from common.system.threads import Ticker
 from learner.algorithm.base import PublishedVersion
 from learner.algorithm.device import choose_device
-from learner.algorithm.factory import make_learner
 from learner.control import Control
 from learner.local_actors import LOCAL, LocalActors
 from learner.loop import train
+from learner.ranks.team import open_learner
 from learner.rivals import Rivals
 from learner.run.folder import RunFolder
 from learner.trainer import Trainer
 from learner.warmup import warm_up
+from learner.watch.prometheus import learner_figures
 from learner.watch.report import Reporter
 from learner.watch.status import LearnerStatus
 from learner.watch.view import View
@@ -50,17 +52,21 @@ SECOND_SECONDS = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Companions:
-    """Actors to start beside the learner.
+    """Processes to start beside the learner.
 
     Attributes:
         actors: number that collect experience.
         evaluators: number that evaluate published versions.
+        learners: processes that share each update, the learner's own among them.
         options: further options of `hd-actor`.
+        metrics: host and port on which the learner serves its figures for Prometheus; None for none.
     """
 
     actors: int = 0
     evaluators: int = 0
+    learners: int = 1
     options: tuple[str, ...] = ()
+    metrics: tuple[str, int] | None = None
 
 
 class Link(Closing):
@@ -139,7 +145,7 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
 
     Args:
         run: the run's folder.
-        companions: actors to start beside it.
+        companions: processes to start beside it.
         console: shared by log and view.
         resume: continue from its newest checkpoint.
 
@@ -147,7 +153,9 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
         HDError: when the bus cannot be joined, the run cannot be continued, or training diverges.
     """
     config = run.config
-    limit_threads(config.learner.threads or cores_left(companions.actors + companions.evaluators))
+    cores = cores_left(companions.actors + companions.evaluators)
+    threads = config.learner.threads or max(1, cores // companions.learners)
+    limit_threads(threads)
     learner = new_incarnation()
     with contextlib.ExitStack() as stack:
         # The bus comes first: a port that is taken is found before the networks are made.
@@ -166,18 +174,20 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
                 )
             publisher.publish(newest, averaged)
 
-        algorithm = make_learner(config, device)
+        algorithm = stack.enter_context(open_learner(config, device, companions.learners, threads))
         trainer = Trainer(run, algorithm, publish, [LOCAL] if companions.evaluators else [])
         stack.callback(trainer.close)
         if resume:
             trainer.resume()
         else:
             trainer.begin()
-        reporter = Reporter(trainer, str(algorithm.device), config.bus.listen)
+        reporter = Reporter(trainer, str(device), config.bus.listen)
         link = stack.enter_context(Link(session, trainer, learner, reporter))
         # Once more, now that others see this one: of two that started together neither has seen the other before.
         refuse_second_learner(session, config, learner)
         logger.info("run %s listens on %s", config.name, config.bus.listen)
+        if companions.metrics is not None:
+            stack.enter_context(MetricsServer(companions.metrics, lambda: learner_figures(link.status())))
         for local in _local_actors(run, companions):
             stack.enter_context(local)
         stack.enter_context(View(link.status, console))

@@ -30,6 +30,7 @@ from learner.run.files import DAMAGED
 from learner.run.folder import RunFolder, has_begun
 from learner.run.group_commit import GroupCommit
 from learner.run.journal import Journal
+from learner.run.mirror import Mirror
 from learner.run.summary import RunSummary, write_summary
 from learner.watch.curve_recorder import LOG_EVERY, CurveRecorder
 from learner.watch.evaluation import Round
@@ -79,6 +80,8 @@ class Trainer:
         self.best = BestPolicy(self.checkpoints, self._cards.describe)
         self._publisher = Publisher(algorithm, self.best, publish, averaged=bool(config.learner.average_decay))
         self._checkpointer = Checkpointer(config, self.checkpoints, algorithm, self._rng, self._cards.describe)
+        mirror = config.checkpoints.mirror
+        self._mirror = None if mirror is None else Mirror(run.path, self.checkpoints, mirror)
         self._stop = threading.Event()
         self._warned_unlabelled = False
         self._rounds: list[Round] = []
@@ -142,6 +145,8 @@ class Trainer:
             self.ingest.episodes.close()
         self.commit.close()
         self._journal.close()
+        if self._mirror is not None:
+            self._mirror.close()
 
     def _open_records(self, episodes_length: int, updates: int) -> tuple[Ingest, CurveRecorder]:
         episodes = EpisodeLog(self.run.episodes, episodes_length, self.disk)
@@ -258,6 +263,8 @@ class Trainer:
         name = self._checkpointer.save(self.ingest, self.recorder)
         summary = self.summary()
         write_summary(self.run.path, summary)
+        if self._mirror is not None:
+            self._mirror.note()
         self.recorder.write_summary(summary.flat())
         return name
 

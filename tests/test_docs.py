@@ -316,3 +316,9 @@ def taken(function: ast.FunctionDef) -> set[str]:
 
 def is_dataclass(node: ast.ClassDef) -> bool:
     return any("dataclass" in ast.dump(decorator) for decorator in node.decorator_list)
+
+
+def test_the_figures_of_scale_are_those_that_the_program_computes() -> None:
+    from benchmarks.scale import page
+
+    assert page() in (ROOT / "docs" / "scale.md").read_text("utf-8")

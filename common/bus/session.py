@@ -61,7 +61,7 @@ def open_learner_session(config: BusConfig) -> Iterator[zenoh.Session]:
     behind = free_ports(LISTENERS) if guarded else []
     endpoints = [f"tls/127.0.0.1:{port}" for port in behind] or [listen]
     settings = _settings(config, "router", endpoints, config.connect)
-    settings["transport"]["unicast"] = {
+    settings["transport"]["unicast"] |= {
         "max_sessions": MAX_SESSIONS,
         # Connections that say nothing: with Zenoh's defaults a hundred of them shut everybody out for ten seconds.
         "accept_pending": MAX_PENDING,
@@ -185,7 +185,11 @@ def _settings(config: BusConfig, mode: str, listen: list[str], connect: Iterable
             "gossip": {"enabled": False},
             "delay": 0 if mode == "router" else 100,
         },
-        "transport": {"link": link, "shared_memory": {"enabled": config.shared_memory}},
+        "transport": {
+            "link": link,
+            "shared_memory": {"enabled": config.shared_memory},
+            "unicast": {"compression": {"enabled": config.compression}},
+        },
     }
 
 

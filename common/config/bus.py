@@ -35,6 +35,8 @@ class BusConfig(Section):
     """Time after which an unacknowledged message is resent, seconds."""
     shared_memory: bool = False
     """Use Zenoh's shared-memory transport between processes on one machine: faster, but needs more memory."""
+    compression: bool = False
+    """Compress what crosses a link when both of its ends have this on: for narrow lines between sites."""
     tls_ca: str | None = None
     """Root certificate (PEM). Setting it makes all links use mutual TLS; `hd-learner certificates` creates the
     files."""
