@@ -84,8 +84,12 @@ docs: $(STAMP)  ## write the generated pages, and build the site in build/site
 	$(BIN)/python -c "from pathlib import Path; from deploy.profiles import documentation; Path('docs/deploy/parameters.md').write_text(documentation(), 'utf-8')"
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
-bench: $(STAMP)  ## measure decision step, simulators, inference, actors, updates, ingest, memory
-	$(BIN)/python -m benchmarks
+bench: $(STAMP)  ## measure: decision step, simulators, inference, actors, updates, ingest, memory; all in JSON=build/bench.json
+	$(BIN)/python -m benchmarks --json $(JSON)
+
+bench-compare: $(STAMP)  ## what changed between two files of `make bench`: A=OLD.json B=NEW.json
+	@[ -n "$(A)" ] && [ -n "$(B)" ] || { echo 'expected two files: make bench-compare A=OLD.json B=NEW.json'; exit 2; }
+	$(BIN)/python -m benchmarks.compare $(A) $(B)
 
 soak: $(STAMP)  ## half an hour of physics with a fault every minute: a table of each stop (MINUTES=30)
 	$(BIN)/python -m benchmarks.soak --minutes $(MINUTES)

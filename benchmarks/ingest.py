@@ -54,11 +54,12 @@ def chunk(seed: int = 0, labels: bool = True) -> Chunk:
     )
 
 
-def run(chunks: int = 1000) -> dict[str, float]:
+def run(chunks: int = 1000, processes: Sequence[int] = (1, 4)) -> dict[str, float]:
     """Measure the codec alone, delivery from 1 and 4 processes, the acknowledgement and a pull of weights.
 
     Args:
         chunks: messages that each sending process delivers.
+        processes: how many deliver at the same time, one measurement each.
     """
     results = _codec()
     config = BusConfig(listen=f"tcp/127.0.0.1:{free_port()}")
@@ -67,10 +68,10 @@ def run(chunks: int = 1000) -> dict[str, float]:
         ExperienceServer(session, RUN, new_incarnation(), lambda *_: 0.0),
         WeightsPublisher(session, RUN) as publisher,
     ):
-        results |= latency(config)
-        for processes in (1, 4):
-            seconds = deliver(config, processes, chunks)
-            results[f"deliver_chunks_per_s_{processes}_processes"] = processes * chunks / seconds
+        results |= latency(config, min(300, 20 + chunks))
+        for count in processes:
+            seconds = deliver(config, count, chunks)
+            results[f"deliver_chunks_per_s_{count}_processes"] = count * chunks / seconds
         results |= _weights(config, publisher)
     return results
 

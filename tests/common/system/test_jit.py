@@ -22,7 +22,8 @@ def start(folder, after="") -> subprocess.Popen:
 
 
 def told(process) -> str:
-    out, _ = process.communicate()
+    with process:
+        out = process.stdout.read()
     assert process.returncode == 0
     return out.strip()
 
