@@ -148,10 +148,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _show(title: str, figures: Mapping[str, float]) -> None:
-    table = Table(title=title, title_justify="left", box=None, show_header=False)
+    table = Table(box=None, show_header=False)
     for name, value in figures.items():
         table.add_row(name, number(value))
-    output_console().print(table)
+    console = output_console()
+    console.print(title)
+    console.print(table)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -115,7 +116,8 @@ def deliver(config: BusConfig, processes: int, chunks: int) -> float:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            env=process_environment(threads=1),
+            # Found from any folder; the benchmarks are no part of what is installed.
+            env=process_environment(threads=1) | {"PYTHONPATH": str(Path(__file__).parents[1])},
         )
         for i in range(processes)
     ]
