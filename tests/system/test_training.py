@@ -118,7 +118,7 @@ def alive(status: dict) -> dict[str, dict]:
 @pytest.mark.timeout(400)
 def test_training_survives_the_death_of_an_actor_and_of_the_learner(system):
     learner = system.learner("start")
-    system.wait_for(lambda status: True, 90)
+    system.wait_for(lambda status: True, 150)
     options = ["--num", "2", "--connect", system.endpoint, "--run", "system", "--sim", "grid", "--name", "system"]
     actors = system.start("actors", "actors", *options, "--log-level", "debug")
 
