@@ -10,9 +10,12 @@ ROS_VENV := .venv-ros
 ROS_STAMP := $(ROS_VENV)/.installed
 JOBS ?= 2
 MINUTES ?= 30
+JSON ?= build/bench.json
+# A file's tests stay in one process, so that what they share is made once; in the order of tests/conftest.py.
+PARALLEL := -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help install run demo check test test-all test-page test-ros lint types format docs bench soak faults fuzz clean
+.PHONY: help install run demo check test test-twice test-all test-page test-ros lint types format docs bench bench-compare soak faults fuzz clean
 
 help:  ## show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -35,13 +38,23 @@ demo: $(STAMP)  ## a simulated robot explores an office, live in the terminal; w
 	$(BIN)/hd-deploy demo
 
 test: $(STAMP)  ## the test suite without its slow tests
-	$(BIN)/python -m pytest -n $(JOBS) -m 'not slow'
+	$(BIN)/python -m pytest $(PARALLEL) -m 'not slow'
+
+# Only after a whole run with failures (exit code 1) and only for what failed; a fault fails twice.
+test-twice: $(STAMP)  ## the same, and what failed once more, alone
+	@rm -rf .pytest_cache; status=0; \
+	$(BIN)/python -m pytest $(PARALLEL) -m 'not slow' || status=$$?; \
+	[ $$status = 1 ] || exit $$status; \
+	echo '===== these tests failed beside others; now each of them alone: a fault fails twice ====='; \
+	$(BIN)/python -m pytest -n 0 -m 'not slow' --last-failed --last-failed-no-failures none --maxfail 5 || \
+		{ echo '===== failed twice ====='; exit 1; }; \
+	echo '===== passed alone: a test that needs a quiet machine, to be mended ====='
 
 check:  ## everything that must pass before a change lands: install, lint, types, tests
 	bash .ci/run
 
 test-all: $(STAMP)  ## the whole test suite, but for the tests that need a browser
-	$(BIN)/python -m pytest -n $(JOBS) -m 'not page'
+	$(BIN)/python -m pytest $(PARALLEL) -m 'not page'
 
 test-page: $(STAMP)  ## the pages in headless Chromium (apt-get install chromium): a simulated robot and a training, real processes
 	$(BIN)/python -m pytest -n 0 -m page
@@ -74,8 +87,12 @@ docs: $(STAMP)  ## write the generated pages, and build the site in build/site
 	$(BIN)/python -c "from pathlib import Path; from deploy.profiles import documentation; Path('docs/deploy/parameters.md').write_text(documentation(), 'utf-8')"
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
-bench: $(STAMP)  ## measure decision step, simulators, inference, actors, updates, ingest, memory
-	$(BIN)/python -m benchmarks
+bench: $(STAMP)  ## measure: decision step, simulators, inference, actors, updates, ingest, memory; all in JSON=build/bench.json
+	$(BIN)/python -m benchmarks --json $(JSON)
+
+bench-compare: $(STAMP)  ## what changed between two files of `make bench`: A=OLD.json B=NEW.json
+	@[ -n "$(A)" ] && [ -n "$(B)" ] || { echo 'expected two files: make bench-compare A=OLD.json B=NEW.json'; exit 2; }
+	$(BIN)/python -m benchmarks.compare $(A) $(B)
 
 soak: $(STAMP)  ## half an hour of physics with a fault every minute: a table of each stop (MINUTES=30)
 	$(BIN)/python -m benchmarks.soak --minutes $(MINUTES)
