@@ -38,6 +38,8 @@ class ActorOptions(BaseModel):
         gui: open PyBullet's window.
         log_level: of this process.
         parent: process number of the supervisor; the actor ends when that does. 0 for none.
+        restarts: how often the supervisor started it again after it had ended by itself.
+        last_error: why it ended the last time, one line.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -53,6 +55,8 @@ class ActorOptions(BaseModel):
     gui: bool = False
     log_level: str | None = None
     parent: int = 0
+    restarts: int = 0
+    last_error: str = ""
 
     @property
     def role(self) -> Literal["actor", "evaluator"]:

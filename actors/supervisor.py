@@ -28,6 +28,7 @@ LONGEST_PAUSE = 60.0
 # An actor that ran this long is healthy: its next crash counts as the first.
 HEALTHY_SECONDS = 60.0
 KEPT_LINES = 60
+_LONGEST_ERROR = 250
 
 
 class _Child:
@@ -137,13 +138,18 @@ class Supervisor:
         child.crashes = 1 if ran >= HEALTHY_SECONDS else child.crashes + 1
         pause = min(FIRST_PAUSE * 2.0 ** (child.crashes - 1), LONGEST_PAUSE)
         child.due = now + pause
+        how, why = _how_it_ended(code), child.last_error()
         log.error(
             "%s %s after %.0f s, starting it again in %.0f s. Its last error: %s",
             child.options.name,
-            _how_it_ended(code),
+            how,
             ran,
             pause,
-            child.last_error(),
+            why,
+        )
+        # It tells the learner about its predecessor, which cannot any more.
+        child.options = child.options.model_copy(
+            update={"restarts": child.options.restarts + 1, "last_error": f"{how}: {why}"[:_LONGEST_ERROR]}
         )
         return False
 
