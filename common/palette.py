@@ -31,9 +31,9 @@ class Colour:
         """The light one as numbers."""
         return rgb(self.light)
 
-    def rgba(self, opacity: float = 1.0) -> tuple[float, float, float, float]:
-        """Return the light one as ROS markers have it, 0 to 1."""
-        red, green, blue = self.rgb
+    def rgba_on_dark(self, opacity: float = 1.0) -> tuple[float, float, float, float]:
+        """Return the one on a dark ground as ROS markers have it, 0 to 1."""
+        red, green, blue = rgb(self.dark)
         return red / 255.0, green / 255.0, blue / 255.0, opacity
 
 
@@ -64,6 +64,7 @@ BANNED: Final = Colour("#c2185b", "#ff6fa3")
 ROBOT: Final = Colour("#14783c", "#3fcf73")
 WAY: Final = Colour("#3566b8", "#7ea6e0")
 SCAN: Final = Colour("#7b3fb5", "#c59bf2")
+ATTENTION: Final = Colour("#7b3fb5", "#c59bf2")
 
 # Curves: training behind, evaluation before it, what it is compared with.
 CURVE_BEHIND: Final = Colour("#9ecae1", "#41627a")

@@ -18,10 +18,12 @@ from common.bus.fleet import Answers, bridges_at, command_all
 from common.cli import CommandApp, add_version, command_errors, output_console, whole_table
 from common.config.describe import to_markdown, to_toml
 from common.errors import BusError, ConfigError
+from common.page.options import PageOption, TokenOption, page_settings
 from common.system.logs import setup_logging
 from common.tasks import NAVIGATION, find_task
 from deploy.bridge.command_text import CommandError, parse, release_of
 from deploy.config import DeployConfig
+from deploy.page.cli import PAGE_EXAMPLES, announce, page
 from deploy.profiles import DEPLOY, load_deploy_config
 from deploy.recording.cli import app as recording_app
 from deploy.robot.cli import DEMO_EXAMPLES, demo, robot
@@ -58,6 +60,7 @@ LogLevel = Annotated[str | None, typer.Option("--log-level", help="debug, info, 
 
 app.command(epilog=ROBOT_EXAMPLES)(robot)
 app.command(epilog=DEMO_EXAMPLES)(demo)
+app.command(epilog=PAGE_EXAMPLES)(page)
 app.add_typer(recording_app)
 add_version(app)
 
@@ -85,6 +88,8 @@ def bridge(
         typer.Option("--listen", help="Be the robot's Zenoh router at this endpoint.", metavar="ENDPOINT"),
     ] = None,
     name: RobotName = None,
+    page_at: PageOption = None,
+    page_token: TokenOption = None,
     log_level: LogLevel = None,
 ) -> None:
     """Run the bridge on a robot's computer. Ctrl-C, or SIGTERM, stops the robot and ends it.
@@ -97,6 +102,8 @@ def bridge(
     - `hd-deploy bridge --profile nav2 --planner tare --set mapping.viewpoint_spacing=1.5`
 
     - `hd-deploy bridge --goal 12.5,-3 --autostart`
+
+    - `hd-deploy bridge --page 8080` shows the robot in a browser, and takes its commands
     """
     setup_logging(log_level)
     extra: list[str] = []
@@ -115,7 +122,15 @@ def bridge(
         resolved = _load(profile, config, overrides, connect, name, [*extra, f"decision.task={NAVIGATION.name}"])
     from deploy.bridge.process import run_bridge
 
-    run_bridge(resolved)
+    if page_at is None:
+        run_bridge(resolved)
+        return
+    from deploy.page.process import start_page
+
+    settings = page_settings(page_at, page_token)
+    with start_page(settings, resolved) as shown:
+        announce(shown.address, settings)
+        run_bridge(resolved)
 
 
 @app.command()

@@ -106,6 +106,8 @@ class TopicsConfig(Section):
     """OUT diagnostic_msgs/DiagnosticArray: task, inputs, planner and watchdog, each with its level."""
     markers: str = "/hd/markers"
     """OUT visualization_msgs/MarkerArray: graph, frontiers, beacons, attention."""
+    scene: str = "/hd/scene"
+    """OUT std_msgs/String: JSON of the same for pages and programs, with the probabilities of beacons and waypoints."""
     belief: str = "/hd/belief"
     """OUT nav_msgs/OccupancyGrid, transient local: what the planner believes."""
     watchdog: str = "/hd/watchdog"

@@ -6,6 +6,7 @@ import asyncio
 import hashlib
 import logging
 import mimetypes
+import time
 from collections.abc import AsyncIterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
@@ -62,12 +63,14 @@ def make_app(settings: PageSettings, site: Site, source: Source, hub: Hub | None
     async def keep_fresh() -> None:
         """Refresh the source and ring the beat at the page's rate; a slow source only slows itself down."""
         loop = asyncio.get_running_loop()
-        complaints = Complaints(f"the page {site.name!r}", expected=lambda: False)
+        complaints = Complaints(f"the page {site.name!r}")
         with ThreadPoolExecutor(1, "page-source") as thread:
             due = loop.time()
             while True:
                 with complaints:
                     await loop.run_in_executor(thread, source.refresh, hub)
+                # A page that is frozen says nothing; one that has nothing new says this.
+                hub.put("page/time", int(time.time()))
                 beat.ring()
                 due = max(due + 1.0 / settings.rate, loop.time())
                 await asyncio.sleep(due - loop.time())

@@ -80,6 +80,7 @@ class LearnedPlanner:
         policy: the network; weights that it loads hold from the next decision on. Of shipped policies as `card`.
         rule_applied: decisions of this episode that the rule made.
         guarded: decisions of this episode that the classical planner made.
+        guarded_by: name of the classical planner that made the last decision; empty where the policy did.
         attention: how probable the choices of the last decision were; None before the first.
     """
 
@@ -171,8 +172,10 @@ class LearnedPlanner:
         if self._depth is not None and not mapper.stuck and not self._depth.within(mapper, self.rule_applied):
             assert self._classical is not None
             self.guarded += 1
+            self.guarded_by = self._classical.name
             self.attention = None
             return self._classical.plan(mapper, pose)
+        self.guarded_by = ""
         end = self._end(mapper, pose)
         if end is not None:
             return end
@@ -286,6 +289,7 @@ class LearnedPlanner:
         self._depth = None
         self._classical = None
         self.guarded = 0
+        self.guarded_by = ""
         # Viewpoints beside lattice points move a little whenever their surroundings become known better.
         self._places = PlacesSinceGain(ON_VIEWPOINT * self._config.viewpoint_spacing)
         self._way_out = None

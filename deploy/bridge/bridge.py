@@ -233,6 +233,8 @@ class Bridge(Closing):
     def _draw(self, outcome: Outcome, stamp: float, now: float) -> None:
         self._outputs.belief(outcome, stamp)
         spacing = self._config.mapping.viewpoint_spacing
-        drawn = draw(outcome, self._planners.in_charge(now), stamp, self._config.frames.map, spacing)
+        planner = self._planners.in_charge(now)
+        self._outputs.scene(outcome, planner)
+        drawn = draw(outcome, planner, stamp, self._config.frames.map, spacing)
         if drawn is not None:
             self._outputs.markers(drawn)

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from common import palette
 from common.mapping.mapper import Mapper
 from common.planners.base import Planner
 from common.planners.learned import LearnedPlanner
@@ -19,14 +20,15 @@ from deploy.ros2.markers import Colour, clear, cubes, lines, markers, spheres
 _MAX_EDGES: Final = 2000
 _MAX_FRONTIERS: Final = 4000
 
-_GREY: Final[Colour] = (0.5, 0.5, 0.55, 0.4)
-_VISITED: Final[Colour] = (0.35, 0.35, 0.4, 0.9)
-_PLAIN: Final[Colour] = (0.75, 0.75, 0.8, 0.9)
-_USEFUL: Final[Colour] = (0.2, 0.65, 1.0, 1.0)
-_FRONTIER: Final[Colour] = (1.0, 0.45, 0.1, 0.8)
-_BEACON: Final[Colour] = (1.0, 0.85, 0.1, 0.9)
-_BANNED: Final[Colour] = (0.9, 0.1, 0.1, 0.7)
-_WAYPOINT: Final[Colour] = (0.1, 0.9, 0.3, 1.0)
+# RViz and Foxglove draw on a dark ground.
+_EDGE: Final[Colour] = palette.EDGE.rgba_on_dark(0.5)
+_VISITED: Final[Colour] = palette.VISITED.rgba_on_dark(0.9)
+_PLAIN: Final[Colour] = palette.VIEWPOINT.rgba_on_dark(0.9)
+_USEFUL: Final[Colour] = palette.USEFUL.rgba_on_dark(1.0)
+_FRONTIER: Final[Colour] = palette.FRONTIER.rgba_on_dark(0.8)
+_BEACON: Final[Colour] = palette.BEACON.rgba_on_dark(0.9)
+_BANNED: Final[Colour] = palette.BANNED.rgba_on_dark(0.7)
+_WAYPOINT: Final[Colour] = palette.WAYPOINT.rgba_on_dark(1.0)
 
 
 def draw(outcome: Outcome, planner: Planner, stamp: float, frame: str, spacing: float) -> Message | None:
@@ -52,16 +54,15 @@ def draw(outcome: Outcome, planner: Planner, stamp: float, frame: str, spacing: 
     viewpoints = mapper.viewpoints
     if not mapper.stuck:
         observation = mapper.observe()
-        parts.append(lines(stamp, frame, "edges", _segments(mapper), size / 8.0, _GREY))
+        parts.append(lines(stamp, frame, "edges", edge_segments(mapper), size / 8.0, _EDGE))
         useful, visited = observation.utility > 0, observation.visited
         dots("viewpoints", viewpoints[~useful & ~visited], size / 1.5, _PLAIN)
         dots("visited", viewpoints[visited & ~useful], size / 1.5, _VISITED)
         dots("useful", viewpoints[useful], size, _USEFUL)
         dots("beacons", mapper.beacons, 2.0 * size, _BEACON)
-    frontiers = mapper.frontiers
+    frontiers = thinned_frontiers(mapper)
     if len(frontiers):
-        step = len(frontiers) // _MAX_FRONTIERS + 1
-        parts.append(cubes(stamp, frame, "frontiers", frontiers[::step], mapper.belief.resolution, _FRONTIER))
+        parts.append(cubes(stamp, frame, "frontiers", frontiers, mapper.belief.resolution, _FRONTIER))
     if isinstance(planner, LearnedPlanner) and planner.attention is not None and outcome.course is not None:
         seen = planner.attention
         dots("waypoint attention", seen.waypoints, 1.5 * size, _WAYPOINT, **_opacity(seen.waypoint_probabilities))
@@ -72,8 +73,14 @@ def draw(outcome: Outcome, planner: Planner, stamp: float, frame: str, spacing: 
     return markers(parts)
 
 
-def _segments(mapper: Mapper) -> NDArray[np.float64]:
-    """Return what edges look like, metres, shape (n, 2, 2); those that are not straight by their corners."""
+def thinned_frontiers(mapper: Mapper) -> NDArray[np.float64]:
+    """Return the frontiers, metres, shape (n, 2); of very many, evenly chosen ones."""
+    frontiers: NDArray[np.float64] = mapper.frontiers
+    return frontiers[:: len(frontiers) // _MAX_FRONTIERS + 1]
+
+
+def edge_segments(mapper: Mapper) -> NDArray[np.float64]:
+    """Return what edges look like, metres, shape (n, 2, 2): the shortest of very many, bent ones by their corners."""
     adjacency = mapper.adjacency
     begin = np.repeat(np.arange(len(adjacency.pointer) - 1), np.diff(adjacency.pointer))
     once = np.flatnonzero(begin < adjacency.neighbours)
@@ -92,4 +99,5 @@ def _segments(mapper: Mapper) -> NDArray[np.float64]:
 
 def _opacity(probabilities: NDArray[np.float32]) -> dict[str, object]:
     strength = probabilities / max(float(probabilities.max(initial=0.0)), 1e-6)
-    return {"colours": [(0.9, 0.2, 0.9, 0.1 + 0.9 * float(value)) for value in strength]}
+    red, green, blue, _ = palette.ATTENTION.rgba_on_dark()
+    return {"colours": [(red, green, blue, 0.1 + 0.9 * float(value)) for value in strength]}

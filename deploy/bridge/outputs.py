@@ -7,11 +7,12 @@ from math import atan2
 from typing import Any
 
 from common.geometry import Pose
-from common.planners.base import Position
+from common.planners.base import Planner, Position
 from common.tasks import find_task
 from deploy.bridge.diagnostics import diagnostics
 from deploy.bridge.mission import Phase
 from deploy.bridge.outcome import Outcome
+from deploy.bridge.scene import scene
 from deploy.bridge.status import Status
 from deploy.config import DeployConfig
 from deploy.ros2 import LATCHED, RELIABLE, Message, Node, Publisher, QoS, message
@@ -38,6 +39,7 @@ class Outputs:
             ("status", "std_msgs/msg/String", RELIABLE),
             ("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", RELIABLE),
             ("markers", "visualization_msgs/msg/MarkerArray", QoS(depth=1)),
+            ("scene", "std_msgs/msg/String", QoS(depth=1)),
             ("belief", "nav_msgs/msg/OccupancyGrid", LATCHED),
             ("speed", "std_msgs/msg/Float32", RELIABLE),
             ("finished", "std_msgs/msg/Bool", RELIABLE),
@@ -116,6 +118,13 @@ class Outputs:
     def markers(self, drawn: Message) -> None:
         """Publish what `drawing.draw` made."""
         self._send("markers", drawn)
+
+    def scene(self, outcome: Outcome, planner: Planner) -> None:
+        """Publish what the planner sees, where the topic has a name."""
+        if "scene" in self._publishers:
+            seen = scene(outcome, planner)
+            if seen is not None:
+                self._send("scene", seen)
 
     def _send_pose(self, position: Position, pose: Pose | None, stamp: float) -> None:
         # A navigation stack begins anew with every goal pose, so it hears of changes alone.

@@ -66,6 +66,7 @@ class Reporter:
             task=orders.task.name,
             planner=outcome.planner,
             relieved=outcome.relieved,
+            guard=self._guard(outcome),
             policy=self._policy(),
             faults={fault.kind.value: fault.reason for fault in outcome.faults},
             checks=outcome.checks,
@@ -92,6 +93,12 @@ class Reporter:
             emergency_stop=gate.emergency_stop,
             error=self._problems.problem,
         )
+
+    def _guard(self, outcome: Outcome) -> str:
+        planner = self._planners.main
+        if isinstance(planner, LearnedPlanner) and outcome.planner == planner.name:
+            return planner.guarded_by
+        return ""
 
     def _policy(self) -> Policy | None:
         planner = self._planners.main

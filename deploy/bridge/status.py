@@ -55,6 +55,7 @@ class Status:
         task: exploration or navigation.
         planner: in charge at this moment.
         relieved: why the fallback is in charge; empty while it is not.
+        guard: name of the classical planner to which the policy's guard left the last decision; empty without.
         policy: the trained policy, None with other planners.
         faults: all that is wrong with the inputs, by kind.
         checks: checks in a row that found nothing left to do.
@@ -91,6 +92,7 @@ class Status:
     task: str
     planner: str
     relieved: str
+    guard: str
     policy: Policy | None
     faults: dict[str, str]
     checks: int

@@ -41,7 +41,7 @@ export class Connection {
   /** Watch other channels from now on; what is known of those that go on stays. */
   watch(channels) {
     this.channels = channels;
-    if (this.open) this._send({ type: "watch", channels });
+    if (this.open) this._send({ type: "watch", channels: ["page/time", ...channels] });
   }
 
   get token() {
@@ -108,7 +108,7 @@ export class Connection {
       this.series.clear();
       this._emit("hello", message);
       this._send({ type: "hello", protocol: PROTOCOL, token: this.token });
-      this._send({ type: "watch", channels: this.channels });
+      this.watch(this.channels);
       this._emitState();
     } else if (message.type === "welcome") {
       this.mayCommand = message.may_command;
@@ -171,7 +171,7 @@ export class Connection {
 
   _checkSilence() {
     // A connection that says nothing is as good as none; what is on the page would be a lie.
-    if (this.open && this.quietIsWrong && this.silence > SILENT_MS) {
+    if (this.open && this.silence > SILENT_MS) {
       this._socket.close();
       this._lost("the page's process is silent");
     }

@@ -1,0 +1,78 @@
+"""`hd-deploy page`: the page of robots that run already, or of a recording."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from common.cli import command_errors
+from common.page.options import PageSettings, TokenOption, page_settings
+from common.system.extras import optional
+from common.system.logs import setup_logging
+from deploy.profiles import load_deploy_config
+
+PAGE_EXAMPLES = """
+Examples:
+
+  hd-deploy page                                     the robots that this machine's router knows, at 127.0.0.1:8080
+
+  hd-deploy page 9000 --connect tcp/192.168.1.5:7447 --profile cmu
+
+  hd-deploy page --replay recordings/lab             a recording, with a place in time to go to
+"""
+
+
+@command_errors
+def page(
+    address: Annotated[
+        str, typer.Argument(help="Where to serve it; the host is 127.0.0.1 when not given.", metavar="[HOST:]PORT")
+    ] = "8080",
+    replay: Annotated[
+        Path | None, typer.Option("--replay", help="Show this recording instead: a bag, or its file.", metavar="FILE")
+    ] = None,
+    token: TokenOption = None,
+    connect: Annotated[
+        list[str] | None,
+        typer.Option("--connect", help="Endpoint of the robots' router. [default: ros.connect]", metavar="ENDPOINT"),
+    ] = None,
+    profile: Annotated[str | None, typer.Option("--profile", help="Shipped parameters: bare, cmu or nav2.")] = None,
+    config: Annotated[
+        Path | None, typer.Option("--config", help="TOML or JSON file with parameters.", metavar="FILE")
+    ] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="One parameter; may be repeated.", metavar="SECTION.FIELD=VALUE"),
+    ] = None,
+    log_level: Annotated[str | None, typer.Option("--log-level", help="debug, info, warning or error.")] = None,
+) -> None:
+    """Watch and command robots in a browser. Ctrl-C ends the page; the robots go on."""
+    setup_logging(log_level)
+    with optional("the page", "page"):
+        from common.page.serve import serve
+    from deploy.page.process import SITE
+
+    settings = page_settings(address, token)
+    every = [*(overrides or ()), *([f"ros.connect={','.join(connect)}"] if connect else ())]
+    if replay is None:
+        from deploy.page.source import Robots
+
+        resolved = load_deploy_config(config, every, os.environ, profile)
+        serve(settings, SITE, Robots(resolved), lambda at: announce(at, settings))
+        return
+    from deploy.page.replay import Replay
+    from deploy.recording.reader import recorded_config
+
+    recorded = None if profile or config else recorded_config(replay)
+    resolved = recorded or load_deploy_config(config, every, os.environ, profile)
+    serve(settings, SITE, Replay(replay, resolved), lambda at: announce(at, settings))
+
+
+def announce(address: str, settings: PageSettings) -> None:
+    """Print where a page is and, when the token was made for it, how to command there."""
+    if settings.made_token:
+        typer.echo(f"page: {address}#token={settings.token} (with the token that commands need; without it: reading)")
+    else:
+        typer.echo(f"page: {address} (commands need the token)")

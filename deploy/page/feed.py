@@ -1,0 +1,249 @@
+"""One robot's topics, as channels of a page: the newest of each is read when the page is updated, and only then."""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.geometry import Pose
+from common.page.hub import Hub
+from common.system.documents import DocumentError, parse_json
+from deploy.config import DeployConfig
+from deploy.ros2 import LATCHED, RELIABLE, SENSOR, QoS, RosError
+from deploy.ros2.conversions import grid_from, path_from, points_from, pose_from, scan_from
+from deploy.ros2.messages import Message, deserialize
+from deploy.ros2.names import namespace, topic_name
+
+log = logging.getLogger(__name__)
+
+SILENT_SECONDS: Final = 3.0
+"""A robot that says nothing for so long is shown as silent."""
+_STEP: Final = 0.1
+_MAX_POINTS: Final = 400
+_MAX_PATH: Final = 500
+_HEIGHTS: Final = (0.1, 2.0)
+
+Roles = Mapping[str, tuple[str, str, QoS]]
+"""Absolute topic, message type and quality of service, by what the topic is to the page."""
+
+
+def roles_of(config: DeployConfig) -> Roles:
+    """Return the topics of a robot that the page reads."""
+    topics, within = config.topics, namespace(config.ros.namespace)
+    newest = QoS(depth=1)
+    wanted = {
+        "status": (topics.status, "std_msgs/msg/String", newest),
+        "watchdog": (topics.watchdog, "std_msgs/msg/String", LATCHED),
+        "scene": (topics.scene, "std_msgs/msg/String", newest),
+        "belief": (topics.belief, "nav_msgs/msg/OccupancyGrid", LATCHED),
+        "path": (topics.path, "nav_msgs/msg/Path", newest),
+        "runtime": (topics.runtime, "std_msgs/msg/Float32", RELIABLE),
+    }
+    if config.sensing.pose == "odometry":
+        wanted["odometry"] = (topics.odometry, "nav_msgs/msg/Odometry", SENSOR)
+    if config.sensing.source == "scan":
+        wanted["scan"] = (topics.scan, "sensor_msgs/msg/LaserScan", SENSOR)
+    elif config.sensing.source == "points":
+        wanted["points"] = (topics.points, "sensor_msgs/msg/PointCloud2", SENSOR)
+    return {
+        role: (topic_name(topic, within, topics.remap), kind, qos)
+        for role, (topic, kind, qos) in wanted.items()
+        if topic
+    }
+
+
+class RobotFeed:
+    """What is known of one robot; `take` may be called from any thread, `refresh` from one.
+
+    Attributes:
+        name: of the robot, as its status tells; empty before the first.
+    """
+
+    def __init__(self, config: DeployConfig, clock: Callable[[], float] = time.time) -> None:
+        """Read the topics of a robot with this configuration.
+
+        Args:
+            config: of the robot: where its scans come from and where its lidar is.
+            clock: seconds since 1970, of the moment that is shown.
+        """
+        self.name = ""
+        self._config = config
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._newest: dict[str, bytes] = {}
+        self._decisions: list[tuple[float, bytes]] = []
+        self._heard = float("-inf")
+        self._kinds = {role: kind for role, (_, kind, _) in roles_of(config).items()}
+        self._bad: set[str] = set()
+        self._pose: Pose | None = None
+        self._last_on_way: tuple[float, float] | None = None
+        self._last_event: tuple[Any, ...] | None = None
+        self._forgotten = False
+
+    def take(self, role: str, payload: bytes) -> None:
+        """Take in a message; of all topics but the decision times only the newest counts.
+
+        Args:
+            role: one of `roles_of`.
+            payload: CDR.
+        """
+        with self._lock:
+            if role == "runtime":
+                self._decisions.append((self._clock(), payload))
+                del self._decisions[:-100]
+            else:
+                self._newest[role] = payload
+            if role == "status":
+                self._heard = self._clock()
+
+    def forget(self) -> None:
+        """Begin anew, as a recording does that goes back: series are emptied with the next refresh."""
+        with self._lock:
+            self._newest.clear()
+            self._decisions.clear()
+        self._pose = self._last_on_way = self._last_event = None
+        self._forgotten = True
+
+    @property
+    def age(self) -> float:
+        """Seconds since the last status."""
+        return self._clock() - self._heard
+
+    def refresh(self, hub: Hub) -> None:
+        """Put what came since the last time into the hub, as channels ``robot/NAME/...``."""
+        with self._lock:
+            newest, self._newest = self._newest, {}
+            decisions, self._decisions = self._decisions, []
+        if not self.name and "status" not in newest:
+            # Whose it is will be known with the first status.
+            with self._lock:
+                self._newest = {**newest, **self._newest}
+                self._decisions = [*decisions, *self._decisions]
+            return
+        # The status tells the name, and the pose where no odometry does; the scan is placed by either.
+        order = ("status", "odometry", "watchdog", "scene", "path", "belief", "scan", "points")
+        for role in sorted(newest, key=order.index):
+            self._read(role, lambda role=role: self._put(hub, role, newest[role]))  # type: ignore[misc]
+        if self._forgotten:
+            self._forgotten = False
+            for series in ("way", "events", "decisions"):
+                hub.clear(self._channel(series))
+        for at, payload in decisions:
+            self._read("runtime", lambda at=at, payload=payload: self._put_decision(hub, at, payload))  # type: ignore[misc]
+
+    def _read(self, role: str, read: Callable[[], None]) -> None:
+        try:
+            read()
+        except (RosError, DocumentError) as error:
+            if role not in self._bad:
+                self._bad.add(role)
+                log.warning("the %s of robot %r cannot be shown: %s", role, self.name, error)
+        else:
+            self._bad.discard(role)
+
+    def _put(self, hub: Hub, role: str, payload: bytes) -> None:
+        if role in {"scan", "points"} and not hub.watched(self._channel("scan")):
+            return
+        message = deserialize(payload, self._kinds[role], self._config.ros.distro)
+        getattr(self, f"_put_{role}")(hub, message)
+
+    def _put_status(self, hub: Hub, message: Message) -> None:
+        status = _object(message.data)
+        self.name = self.name or str(status.get("name", ""))[:64] or "robot"
+        hub.put(self._channel("status"), status)
+        pose = status.get("pose")
+        if "odometry" not in self._kinds and _numbers(pose, 3):
+            self._put_pose(hub, Pose(*pose), None)
+        event = tuple(status.get(name) for name in ("state", "reason", "planner", "guard", "relieved"))
+        if event != self._last_event:
+            self._last_event = event
+            hub.append(self._channel("events"), [round(self._clock(), 2), *event])
+
+    def _put_watchdog(self, hub: Hub, message: Message) -> None:
+        hub.put(self._channel("watchdog"), _object(message.data))
+
+    def _put_scene(self, hub: Hub, message: Message) -> None:
+        hub.put(self._channel("scene"), _object(message.data))
+
+    def _put_belief(self, hub: Hub, message: Message) -> None:
+        cells, resolution, (x, y, yaw) = grid_from(message)
+        if yaw:
+            raise RosError(f"a belief must not be turned, got a yaw of {yaw:g} rad")
+        hub.grid(self._channel("belief"), cells, resolution, (x, y))
+
+    def _put_path(self, hub: Hub, message: Message) -> None:
+        hub.put(self._channel("path"), _centimetres(np.array(path_from(message)[:_MAX_PATH]).reshape(-1, 2)))
+
+    def _put_odometry(self, hub: Hub, message: Message) -> None:
+        _, pose, velocity = pose_from(message)
+        self._put_pose(hub, pose, velocity)
+
+    def _put_pose(self, hub: Hub, pose: Pose, velocity: tuple[float, float] | None) -> None:
+        self._pose = pose
+        numbers = [pose.x, pose.y, pose.yaw, *(velocity or ())]
+        hub.put(self._channel("pose"), [round(number, 3) for number in numbers])
+        if self._last_on_way is None or pose.distance_to(self._last_on_way) >= _STEP:
+            self._last_on_way = pose.position
+            hub.append(self._channel("way"), [round(pose.x, 2), round(pose.y, 2)])
+
+    def _put_scan(self, hub: Hub, message: Message) -> None:
+        scan, pose = scan_from(message), self._pose
+        if pose is None:
+            return
+        each = len(scan.ranges) // _MAX_POINTS + 1
+        ranges = scan.ranges[::each]
+        angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))[::each]
+        met = (ranges >= scan.range_min) & (ranges < scan.range_max)
+        x, y, yaw = self._config.sensing.sensor_offset
+        angles = pose.yaw + yaw + angles[met]
+        base_x = pose.x + x * math.cos(pose.yaw) - y * math.sin(pose.yaw)
+        base_y = pose.y + x * math.sin(pose.yaw) + y * math.cos(pose.yaw)
+        ends = np.stack([base_x + ranges[met] * np.cos(angles), base_y + ranges[met] * np.sin(angles)], axis=1)
+        hub.put(self._channel("scan"), _centimetres(ends))
+
+    def _put_points(self, hub: Hub, message: Message) -> None:
+        points, pose = points_from(message)[:, :3].astype(np.float64), self._pose
+        points = points[(points[:, 2] >= _HEIGHTS[0]) & (points[:, 2] <= _HEIGHTS[1])]
+        points = points[:: len(points) // _MAX_POINTS + 1, :2]
+        if self._config.sensing.points_frame == "sensor":
+            if pose is None:
+                return
+            cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+            points = points @ np.array([[cos, sin], [-sin, cos]]) + np.array(pose.position)
+        hub.put(self._channel("scan"), _centimetres(points))
+
+    def _put_decision(self, hub: Hub, at: float, payload: bytes) -> None:
+        seconds = deserialize(payload, self._kinds["runtime"], self._config.ros.distro).data
+        if math.isfinite(seconds):
+            hub.append(self._channel("decisions"), [round(at, 2), round(float(seconds), 4)])
+
+    def _channel(self, name: str) -> str:
+        return f"robot/{self.name}/{name}"
+
+
+def _object(text: str) -> dict[str, Any]:
+    found = parse_json(text)
+    if not isinstance(found, dict):
+        raise DocumentError(f"must be a JSON object, got {type(found).__name__}")
+    return found
+
+
+def _numbers(value: Any, count: int) -> bool:
+    return (
+        isinstance(value, list)
+        and len(value) == count
+        and all(isinstance(each, int | float) and not isinstance(each, bool) for each in value)
+    )
+
+
+def _centimetres(positions: NDArray[np.float64]) -> list[int]:
+    finite = positions[np.isfinite(positions).all(axis=1)]
+    flat: list[int] = np.rint(100.0 * finite).astype(np.int64).ravel().tolist()
+    return flat

@@ -1,0 +1,231 @@
+// What is drawn on the map, in the order in which it is drawn: each layer has its name, its sign and its switch.
+
+import { colour, h } from "./core/dom.js";
+
+const KEY = "hd-page-layers";
+const SIGNS = {
+  square: (c) => `<rect x="5" y="3" width="10" height="10" fill="${c}"/>`,
+  dot: (c) => `<circle cx="10" cy="8" r="4" fill="${c}"/>`,
+  dots: (c) => `<g fill="${c}"><circle cx="4" cy="10" r="1.6"/><circle cx="9" cy="6" r="1.6"/><circle cx="14" cy="8" r="1.6"/></g>`,
+  line: (c) => `<path d="M2 12 8 5l10 4" fill="none" stroke="${c}" stroke-width="2.6"/>`,
+  thin: (c) => `<path d="M2 12 9 4l9 6" fill="none" stroke="${c}" stroke-width="1.2"/>`,
+  dashes: (c) => `<path d="M2 12 8 5l10 4" fill="none" stroke="${c}" stroke-width="2.6" stroke-dasharray="4 3"/>`,
+  triangle: (c) => `<path d="M10 1 17 14H3z" fill="${c}"/>`,
+  cross: (c) => `<path d="M5 3l10 10M15 3 5 13" stroke="${c}" stroke-width="2.4"/>`,
+};
+
+const LAYERS = [
+  { name: "scan", label: "scan", sign: "dots", colour: "scan", draw: drawScan },
+  { name: "graph", label: "viewpoint graph", sign: "thin", colour: "viewpoint", draw: drawGraph },
+  { name: "frontiers", label: "frontiers", sign: "square", colour: "frontier", draw: drawFrontiers },
+  { name: "way", label: "driven way", sign: "line", colour: "way", draw: drawWay },
+  { name: "path", label: "chosen path", sign: "dashes", colour: "waypoint", draw: drawPath },
+  { name: "beacons", label: "beacons, probability", sign: "triangle", colour: "beacon", draw: drawBeacons },
+  { name: "banned", label: "left alone", sign: "cross", colour: "banned", draw: drawBanned },
+];
+
+/** The switches, which are the legend too. */
+export class Layers {
+  constructor(place, onChange) {
+    this.hidden = new Set(JSON.parse(localStorage.getItem(KEY) ?? "[]"));
+    const list = LAYERS.map(({ name, label, sign, colour: meaning }) => {
+      const box = h("input", { type: "checkbox", checked: !this.hidden.has(name), onchange: () => {
+        if (box.checked) this.hidden.delete(name);
+        else this.hidden.add(name);
+        localStorage.setItem(KEY, JSON.stringify([...this.hidden]));
+        onChange();
+      } });
+      const picture = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+      picture.setAttribute("viewBox", "0 0 20 16");
+      picture.setAttribute("aria-hidden", "true");
+      picture.innerHTML = SIGNS[sign](`var(--${meaning})`);
+      return h("label", {}, box, picture, label);
+    });
+    const fold = h("details", {}, h("summary", {}, "Layers"), ...list);
+    fold.open = matchMedia("(min-width: 821px)").matches;
+    place.append(fold);
+  }
+
+  draw(context, view, robot) {
+    for (const layer of LAYERS) {
+      if (this.hidden.has(layer.name)) continue;
+      context.save();
+      layer.draw(context, view, robot);
+      context.restore();
+    }
+    drawPlaces(context, view, robot);
+  }
+}
+
+/** Positions in metres of a flat list of centimetres with so many numbers each. */
+function* places(flat, stride) {
+  for (let i = 0; i + stride <= (flat?.length ?? 0); i += stride) yield [flat[i] / 100, flat[i + 1] / 100, flat[i + 2]];
+}
+
+function drawScan(context, view, { scan }) {
+  context.fillStyle = colour("scan");
+  const size = Math.max(2.6 * view.pixel, 0.05);
+  for (const [x, y] of places(scan, 2)) context.fillRect(x - size / 2, y - size / 2, size, size);
+}
+
+function drawGraph(context, view, { scene }) {
+  if (!scene?.edges) return;
+  context.strokeStyle = colour("edge");
+  context.globalAlpha = 0.6;
+  context.lineWidth = view.pixel;
+  context.beginPath();
+  const { edges } = scene;
+  for (let i = 0; i + 4 <= edges.length; i += 4) {
+    context.moveTo(edges[i] / 100, edges[i + 1] / 100);
+    context.lineTo(edges[i + 2] / 100, edges[i + 3] / 100);
+  }
+  context.stroke();
+  context.globalAlpha = 1;
+  const looks = [[colour("viewpoint"), 2.4], [colour("visited"), 2.4], [colour("useful"), 3.8]];
+  for (const [x, y, kind] of places(scene.viewpoints, 3)) {
+    const [fill, radius] = looks[kind] ?? looks[0];
+    disc(context, x, y, radius * view.pixel, fill);
+  }
+}
+
+function drawFrontiers(context, view, { scene }) {
+  if (!scene) return;
+  context.fillStyle = colour("frontier");
+  const size = Math.max(scene.cell / 100, 2 * view.pixel);
+  for (const [x, y] of places(scene.frontiers, 2)) context.fillRect(x - size / 2, y - size / 2, size, size);
+}
+
+function drawWay(context, view, { way, pose }) {
+  if (!way?.length) return;
+  line(context, [...way, ...(pose ? [pose] : [])], colour("way"), 2.4 * view.pixel);
+}
+
+function drawPath(context, view, { path, pose, status }) {
+  if (!path?.length || !pose) return;
+  context.setLineDash([7 * view.pixel, 5 * view.pixel]);
+  line(context, [pose, ...places(path, 2)], colour("waypoint"), 2.6 * view.pixel);
+  context.setLineDash([]);
+  if (status?.waypoint) disc(context, ...status.waypoint, 5.5 * view.pixel, colour("waypoint"), colour("panel"), 1.5 * view.pixel);
+}
+
+function drawBeacons(context, view, { scene, status }) {
+  if (!scene) return;
+  const chosen = status?.beacon;
+  for (const [x, y, thousandths] of places(scene.waypoints, 3)) {
+    context.globalAlpha = 0.15 + 0.85 * Math.max(thousandths, 0) / 1000;
+    ring(context, x, y, 6 * view.pixel, colour("waypoint"), 2 * view.pixel);
+  }
+  context.globalAlpha = 1;
+  for (const [x, y, thousandths] of places(scene.beacons, 3)) {
+    const share = Math.max(thousandths, 0) / 1000;
+    triangle(context, x, y, (7 + 7 * Math.sqrt(share)) * view.pixel, colour("beacon"), view.pixel);
+    if (thousandths >= 50) words(context, view, x, y, `${Math.round(thousandths / 10)} %`, 13);
+  }
+  if (chosen) {
+    triangle(context, ...chosen, 9 * view.pixel, colour("beacon"), view.pixel);
+    ring(context, ...chosen, 15 * view.pixel, colour("beacon"), 2 * view.pixel);
+  }
+}
+
+function drawBanned(context, view, { scene }) {
+  if (!scene) return;
+  context.strokeStyle = colour("banned");
+  context.lineWidth = 2.4 * view.pixel;
+  const arm = 6 * view.pixel;
+  context.beginPath();
+  for (const [x, y] of places(scene.banned, 2)) {
+    context.moveTo(x - arm, y - arm);
+    context.lineTo(x + arm, y + arm);
+    context.moveTo(x - arm, y + arm);
+    context.lineTo(x + arm, y - arm);
+  }
+  context.stroke();
+}
+
+/** Home, target and the robot itself: they cannot be switched off. */
+function drawPlaces(context, view, { status, pose }) {
+  const { pixel } = view;
+  if (status?.home) {
+    const [x, y] = status.home, size = 6 * pixel;
+    context.strokeStyle = colour("text");
+    context.lineWidth = 1.6 * pixel;
+    context.strokeRect(x - size, y - size, 2 * size, 2 * size);
+  }
+  if (status?.target) {
+    ring(context, ...status.target, 11 * pixel, colour("target"), 3 * pixel);
+    disc(context, ...status.target, 3.5 * pixel, colour("target"));
+  }
+  if (!pose) return;
+  const [x, y, yaw] = pose, radius = Math.max(10 * pixel, 0.25);
+  disc(context, x, y, radius, colour("robot"), colour("panel"), 2.2 * pixel);
+  context.fillStyle = colour("panel");
+  context.beginPath();
+  context.moveTo(x + radius * 0.82 * Math.cos(yaw), y + radius * 0.82 * Math.sin(yaw));
+  context.lineTo(x + radius * 0.5 * Math.cos(yaw + 2.3), y + radius * 0.5 * Math.sin(yaw + 2.3));
+  context.lineTo(x + radius * 0.5 * Math.cos(yaw - 2.3), y + radius * 0.5 * Math.sin(yaw - 2.3));
+  context.fill();
+}
+
+/** The place that was clicked. */
+export function drawPin(context, view, [x, y]) {
+  const { pixel } = view;
+  ring(context, x, y, 9 * pixel, colour("text"), 2.5 * pixel);
+  disc(context, x, y, 3 * pixel, colour("text"));
+}
+
+function line(context, points, stroke, width) {
+  context.strokeStyle = stroke;
+  context.lineWidth = width;
+  context.lineJoin = context.lineCap = "round";
+  context.beginPath();
+  points.forEach(([x, y], i) => (i ? context.lineTo(x, y) : context.moveTo(x, y)));
+  context.stroke();
+}
+
+function disc(context, x, y, radius, fill, rim = null, width = 0) {
+  context.beginPath();
+  context.arc(x, y, radius, 0, 2 * Math.PI);
+  context.fillStyle = fill;
+  context.fill();
+  if (!rim) return;
+  context.strokeStyle = rim;
+  context.lineWidth = width;
+  context.stroke();
+}
+
+function ring(context, x, y, radius, stroke, width) {
+  context.beginPath();
+  context.arc(x, y, radius, 0, 2 * Math.PI);
+  context.strokeStyle = stroke;
+  context.lineWidth = width;
+  context.stroke();
+}
+
+function triangle(context, x, y, size, fill, pixel) {
+  context.beginPath();
+  context.moveTo(x, y + size);
+  context.lineTo(x - 0.87 * size, y - 0.6 * size);
+  context.lineTo(x + 0.87 * size, y - 0.6 * size);
+  context.closePath();
+  context.fillStyle = fill;
+  context.fill();
+  context.strokeStyle = colour("panel");
+  context.lineWidth = 1.2 * pixel;
+  context.stroke();
+}
+
+/** Words beside a place, upright although y points up. */
+function words(context, view, x, y, text, aside) {
+  context.save();
+  context.translate(x, y);
+  context.scale(view.pixel, -view.pixel);
+  context.font = "600 12px system-ui, sans-serif";
+  context.textBaseline = "middle";
+  context.lineWidth = 3.5;
+  context.lineJoin = "round";
+  context.strokeStyle = colour("panel");
+  context.fillStyle = colour("beacon");
+  context.strokeText(text, aside, 0);
+  context.fillText(text, aside, 0);
+  context.restore();
+}

@@ -1,0 +1,96 @@
+// The lists beside the map: what a robot tells, in words and numbers with units.
+
+import { duration, h, moment, number, setText } from "./core/dom.js";
+
+const GATES = { clear: "good", held: "good", overridden: "caution", command_stale: "caution" };
+const EVENTS_SHOWN = 40;
+
+/** Show [name, text or element, ...] as a list of facts; what did not change is left alone. */
+function facts(list, rows) {
+  const shown = rows.filter(([, text]) => text !== null && text !== undefined && text !== "");
+  const names = shown.map(([name]) => name).join("|");
+  if (list.dataset.names !== names) {
+    list.dataset.names = names;
+    list.replaceChildren(...shown.flatMap(([name]) => [h("dt", {}, name), h("dd", {})]));
+  }
+  const places = list.querySelectorAll("dd");
+  shown.forEach(([, text, tone], i) => {
+    setText(places[i], text);
+    places[i].className = tone ? `badge ${tone}` : "";
+  });
+}
+
+const place = (at) => (at ? `${number(at[0], "", 1)}, ${number(at[1], "m", 1)}` : "");
+const sentence = (text) => String(text ?? "").replaceAll("_", " ");
+
+export function showTask(list, status) {
+  if (!status) return facts(list, []);
+  const unseen = status.unseen;
+  facts(list, [
+    ["Task", sentence(status.task)],
+    ["Explored", number(status.explored_area, "m²", 0)],
+    ["Driven", number(status.distance, "m", 1)],
+    ["Under way", duration(status.duration)],
+    ["Target", place(status.target)],
+    ["Frontiers", `${number(status.frontiers, "", 0)} cells`],
+    ["Graph", `${status.viewpoints} viewpoints, ${status.beacons} beacons`],
+    ["Left alone", status.bans ? `${status.bans} places` : ""],
+    ["Not seen", unseen && unseen.metres !== undefined ? number(unseen.metres, "m", 1) : ""],
+  ]);
+}
+
+export function showPlanner(list, status) {
+  if (!status) return facts(list, []);
+  const decides = status.relieved ? [`${status.planner}, for now`, "caution"] : [status.planner, ""];
+  facts(list, [
+    ["In charge", ...decides],
+    ["Guard", status.guard ? `leaves it to ${status.guard}` : "", ""],
+    ["Because", status.relieved],
+    ["Policy", status.policy ? `${status.policy.run}, version ${status.policy.version}${status.policy.live ? ", live" : ""}` : ""],
+    ["Last decision", moment(status.decision_seconds)],
+    ["95 % within", moment(status.decision_p95)],
+  ]);
+}
+
+export function showWatchdog(list, status, watchdog, pose) {
+  if (!status) return facts(list, []);
+  facts(list, [
+    ["Mode", sentence(status.gate), GATES[status.gate] ?? "fault"],
+    ["Because", status.gate_reason],
+    ["Speed", pose?.length > 3 ? `${number(pose[3], "m/s", 2)}, ${number(pose[4], "rad/s", 2)}` : ""],
+    ["Sent", watchdog ? `${number(watchdog.linear, "m/s", 2)}, ${number(watchdog.angular, "rad/s", 2)}` : ""],
+    ["Sensor", watchdog?.sensor_age !== null && watchdog ? `${moment(watchdog.sensor_age)} old` : ""],
+    ["Pose", watchdog?.pose_age !== null && watchdog ? `${moment(watchdog.pose_age)} old` : ""],
+  ]);
+}
+
+export function showInputs(list, status) {
+  if (!status) return facts(list, []);
+  const dropped = Object.entries(status.dropped ?? {}).map(([why, count]) => `${count} ${sentence(why)}`);
+  facts(list, [
+    ...Object.entries(status.ages ?? {}).map(([name, age]) => [sentence(name), `${moment(age)} ago`]),
+    ["Scans in the map", number(status.scans, "", 0)],
+    ["Left out", dropped.join(", ")],
+  ]);
+}
+
+export function showFaults(panel, status) {
+  const faults = Object.entries(status?.faults ?? {}).map(([kind, text]) => [sentence(kind), text]);
+  if (status?.error && status.error.age < 60) faults.push([`${duration(status.error.age)} ago`, status.error.text]);
+  const signature = JSON.stringify(faults.map(([kind, text]) => (kind.endsWith(" ago") ? text : [kind, text])));
+  if (panel.dataset.signature === signature) return;
+  panel.dataset.signature = signature;
+  panel.hidden = !faults.length;
+  panel.replaceChildren(...faults.map(([kind, text]) => h("p", {}, h("strong", {}, `${kind}: `), text)));
+}
+
+export function showEvents(list, events) {
+  const shown = events.slice(-EVENTS_SHOWN).reverse();
+  list.replaceChildren(...shown.map(([at, state, reason, planner, guard, relieved]) => {
+    const who = relieved ? `${planner} relieves: ${relieved}` : guard ? `${planner}, guard: ${guard}` : planner;
+    const time = new Date(at * 1000);
+    return h("li", {},
+      h("time", { datetime: time.toISOString() }, time.toLocaleTimeString("en-GB")),
+      h("div", {}, h("b", {}, sentence(state)), reason ? `: ${reason}` : "", h("div", { class: "quiet-text" }, who)));
+  }));
+}
