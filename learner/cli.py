@@ -19,9 +19,12 @@ from common.config.describe import to_markdown, to_toml
 from common.config.load import load_config, preset_names
 from common.errors import CheckpointError, ConfigError, StorageError
 from common.extensions import SIMULATORS
+from common.page.options import PageOption, PageSettings, TokenOption, page_settings
+from common.system.extras import optional
 from common.system.logs import log_file, setup_logging
 from common.system.runtime import restart_prepared
 from learner.map_check import check_maps
+from learner.page.cli import page as page_command
 from learner.remote_cli import add_remote_commands
 
 app = CommandApp(
@@ -92,6 +95,8 @@ def start(
     sim: Simulator = None,
     serial: Serial = False,
     maps_elsewhere: MapsElsewhere = False,
+    page: PageOption = None,
+    page_token: TokenOption = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Delete a run of the same name first.")] = False,
     runs: RunsFolder = RUNS,
     log_level: LogLevel = None,
@@ -103,11 +108,13 @@ def start(
 
     - `hd-learner start --run office --preset workstation --set maps.train=generator:office`
 
+    - `hd-learner start --actors 2 --evaluators 1 --page 8080` shows all of it in a browser as well.
+
     - `hd-learner start --listen tcp/0.0.0.0:7447` waits for `hd-actor --connect tcp/HOST:7447` on other machines.
     """
     restart_prepared()
     resolved = load_config(config, _all_overrides(overrides, run, listen, sim), os.environ, preset)
-    options = RunOptions(actors, evaluators, serial, maps_elsewhere, log_level)
+    options = RunOptions(actors, evaluators, serial, maps_elsewhere, log_level, _page(page, page_token))
     _run(resolved, runs, options, resume=False, overwrite=overwrite)
 
 
@@ -122,6 +129,8 @@ def resume(
     sim: Simulator = None,
     serial: Serial = False,
     maps_elsewhere: MapsElsewhere = False,
+    page: PageOption = None,
+    page_token: TokenOption = None,
     runs: RunsFolder = RUNS,
     log_level: LogLevel = None,
 ) -> None:
@@ -140,7 +149,7 @@ def resume(
     resolved = load_config(runs / name / "config.json", _all_overrides(overrides, None, listen, sim), os.environ)
     if resolved.name != name:
         raise ConfigError(f"run {name!r} cannot be renamed to {resolved.name!r}: leave HD_NAME and --set name out")
-    options = RunOptions(actors, evaluators, serial, maps_elsewhere, log_level)
+    options = RunOptions(actors, evaluators, serial, maps_elsewhere, log_level, _page(page, page_token))
     _run(resolved, runs, options, resume=True, overwrite=False)
 
 
@@ -338,11 +347,14 @@ class RunOptions:
     serial: bool
     maps_elsewhere: bool
     log_level: str | None
+    page: PageSettings | None
 
 
 def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, overwrite: bool) -> None:
     if options.serial and (options.actors or options.evaluators):
         raise ConfigError("--serial runs one actor in the learner's own process: leave --actors and --evaluators out")
+    if options.serial and options.page:
+        raise ConfigError("--serial has no network, which the page reads: leave --page out")
     console = message_console()
     setup_logging(options.log_level, console=console if console.is_terminal else None)
     check_maps(config, elsewhere=options.maps_elsewhere)
@@ -364,7 +376,19 @@ def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, ov
         if options.serial:
             run_serial(folder, console, resume=resume)
         else:
-            run_learner(folder, Companions(options.actors, options.evaluators), console, resume=resume)
+            companions = Companions(options.actors, options.evaluators, page=options.page)
+            run_learner(folder, companions, console, resume=resume)
+
+
+def _page(address: str | None, token: Path | None) -> PageSettings | None:
+    """Return how the page is served; None without one."""
+    if address is None:
+        return None
+    with optional("--page", "page"):
+        import starlette  # noqa: F401 - asked for here: a run that lacks it should not begin
+        import uvicorn  # noqa: F401
+        import websockets  # noqa: F401
+    return page_settings(address, token)
 
 
 @contextmanager
@@ -385,6 +409,7 @@ def _log_file(path: Path) -> Iterator[None]:
 
 add_version(app)
 add_remote_commands(app)
+app.command("page")(page_command)
 
 
 def main() -> None:

@@ -22,6 +22,7 @@ from common.config.names import module_names
 from common.errors import BusError
 from common.messages.replies import Spec
 from common.messages.weights import Weights
+from common.page.options import PageSettings, announcement
 from common.system.closing import Closing
 from common.system.runtime import cores_left, limit_threads
 from common.system.signals import stopping_signals
@@ -32,6 +33,7 @@ from learner.algorithm.factory import make_learner
 from learner.control import Control
 from learner.local_actors import LOCAL, LocalActors
 from learner.loop import train
+from learner.page.process import start_page
 from learner.rivals import Rivals
 from learner.run.folder import RunFolder
 from learner.trainer import Trainer
@@ -56,11 +58,13 @@ class Companions:
         actors: number that collect experience.
         evaluators: number that evaluate published versions.
         options: further options of `hd-actor`.
+        page: how to serve the page; None without one.
     """
 
     actors: int = 0
     evaluators: int = 0
     options: tuple[str, ...] = ()
+    page: PageSettings | None = None
 
 
 class Link(Closing):
@@ -138,7 +142,7 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
 
     Args:
         run: the run's folder.
-        companions: actors to start beside it.
+        companions: actors to start beside it, and the page.
         console: shared by log and view.
         resume: continue from its newest checkpoint.
 
@@ -177,6 +181,10 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
         # Once more, now that others see this one: of two that started together neither has seen the other before.
         refuse_second_learner(session, config, learner)
         logger.info("run %s listens on %s", config.name, config.bus.listen)
+        if companions.page is not None:
+            page = stack.enter_context(start_page(companions.page, config, run.path))
+            # Not into the log, which others may read: it holds the token.
+            console.print(announcement(page.address, companions.page), highlight=False, soft_wrap=True)
         for local in _local_actors(run, companions):
             stack.enter_context(local)
         stack.enter_context(View(link.status, console))

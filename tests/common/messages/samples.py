@@ -110,7 +110,9 @@ def small_messages() -> list[object]:
         Ack(sequence=4, stored=True, hold=0.25, error="", learner=11),
         Spec(run="office", learner=11, config='{"name": "office"}'),
         weights().notice(),
-        ActorStats("desk-0", "desk", 4711, 1200, 9, 64.5, 12, 3.25, 0, "acting", 2, "was killed by SIGKILL: it said nothing"),
+        ActorStats(
+            "desk-0", "desk", 4711, 1200, 9, 64.5, 12, 3.25, 0, "acting", 2, "was killed by SIGKILL: it said nothing"
+        ),
         LearnerStats("gpu", 815, 12_000, 90, 750, 75, 500.0, 1.5, 11_000, "training"),
         ControlRequest("status", {}),
         ControlReply(True, "", {"updates": 750, "actors": ["desk-0"]}),
