@@ -86,7 +86,7 @@ class Keys:
     @property
     def all_outcomes(self) -> str:
         """Ends of all episodes of evaluation."""
-        return f"hd/{self.run}/outcome/*/*"
+        return f"hd/{self.run}/outcome/evaluator/*"
 
     def control(self, verb: str) -> str:
         """Commands to the learner, or to the robot of this name."""

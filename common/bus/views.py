@@ -78,7 +78,7 @@ class ViewWatcher(Closing):
 
     Usage::
 
-        with ViewWatcher(session, "run") as watcher:
+        with ViewWatcher(open_viewer_session(config.bus), "run") as watcher:
             watcher.look_at({("actor", "desk-0")})
             for (role, name), view in watcher.views().items():
                 ...
@@ -86,7 +86,7 @@ class ViewWatcher(Closing):
     Messages are read when they are taken: whatever is sent, a view costs no more than the taking of one.
 
     Args:
-        session: an open session.
+        session: of `open_viewer_session`; it is closed with this.
         run: name of the run.
     """
 
@@ -94,6 +94,8 @@ class ViewWatcher(Closing):
         self._session = session
         self._keys = Keys(run)
         self._lock = threading.Lock()
+        # Held while subscribers come and go, which waits for callbacks that need the other one.
+        self._turning = threading.RLock()
         self._newest: dict[str, zenoh.ZBytes] = {}
         self._ended: deque[tuple[str, zenoh.ZBytes]] = deque(maxlen=_MAX_OUTCOMES)
         self._looking: dict[Process, zenoh.Subscriber[None]] = {}
@@ -105,17 +107,23 @@ class ViewWatcher(Closing):
         )
 
     def look_at(self, processes: Collection[Process]) -> None:
-        """Look at these processes from now on, `MAX_LOOKED_AT` of them at most, and at no others."""
+        """Look at these processes from now on, `MAX_LOOKED_AT` of them at most, and at no others.
+
+        Nothing happens once this is closed.
+        """
         wanted = set(sorted(processes)[:MAX_LOOKED_AT])
-        for gone in self._looking.keys() - wanted:
-            self._looking.pop(gone).undeclare()
-            with self._lock:
-                self._newest.pop(self._keys.view(*gone), None)
-        for role, name in wanted - self._looking.keys():
-            self._looking[role, name] = self._session.declare_subscriber(
-                self._keys.view(role, name),
-                zenoh.handlers.Callback(guarded("reading views", self._heard), indirect=False),
-            )
+        with self._turning:
+            if self._session.is_closed():
+                return
+            for gone in self._looking.keys() - wanted:
+                self._looking.pop(gone).undeclare()
+                with self._lock:
+                    self._newest.pop(self._keys.view(*gone), None)
+            for role, name in wanted - self._looking.keys():
+                self._looking[role, name] = self._session.declare_subscriber(
+                    self._keys.view(role, name),
+                    zenoh.handlers.Callback(guarded("reading views", self._heard), indirect=False),
+                )
 
     def views(self) -> dict[Process, EpisodeView]:
         """Return what came since the last call, the newest of each process."""
@@ -132,8 +140,11 @@ class ViewWatcher(Closing):
 
     def close(self) -> None:
         """Look at nothing any more. Safe to call twice."""
-        self.look_at(())
-        self._outcomes.undeclare()
+        with self._turning:
+            if not self._session.is_closed():
+                self.look_at(())
+                self._outcomes.undeclare()
+                self._session.close()
 
     def _heard(self, sample: zenoh.Sample) -> None:
         if self._is_bounded(sample):

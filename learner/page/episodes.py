@@ -21,31 +21,27 @@ _EVALUATIONS: Final = "evaluations"
 
 
 class LiveViews:
-    """The episodes of the actors whose channels (``actor/NAME/*``) somebody watches.
+    """The episodes of the actors whose channels (``actor/NAME/*``) somebody watches."""
 
-    Args:
-        watcher: gets their views.
-    """
-
-    def __init__(self, watcher: ViewWatcher) -> None:
-        self._watcher = watcher
+    def __init__(self) -> None:
+        """Begin with nobody watched."""
         self._looked_at: frozenset[Process] = frozenset()
 
-    def refresh(self, hub: Hub, roles: Mapping[str, str]) -> None:
+    def refresh(self, hub: Hub, watcher: ViewWatcher, roles: Mapping[str, str]) -> None:
         """Look at whom the browsers watch, and put what came of them.
 
         Args:
             hub: of the page.
+            watcher: gets the views.
             roles: of all actors, by name.
         """
         named = (pattern.split("/")[1] for pattern in hub.patterns() if pattern.startswith("actor/"))
         wanted = frozenset((roles[name], name) for name in named if name in roles)
-        if wanted != self._looked_at:
-            for _, name in self._looked_at - wanted:
-                hub.drop(f"actor/{name}/")
-            self._looked_at = wanted
-            self._watcher.look_at(wanted)
-        for (_, name), view in self._watcher.views().items():
+        for _, name in self._looked_at - wanted:
+            hub.drop(f"actor/{name}/")
+        self._looked_at = wanted
+        watcher.look_at(wanted)
+        for (_, name), view in watcher.views().items():
             put_view(hub, f"actor/{name}", view)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from common.bus.session import open_client_session
+from common.bus.session import open_client_session, open_viewer_session
 from common.bus.views import ViewWatcher
 from common.config import BusConfig
 from common.errors import BusError, MessageError
@@ -54,8 +54,10 @@ class Training(Source):
         self._run = run
         self._folder = folder
         self._session = open_client_session(bus, connect)
-        self._watcher = ViewWatcher(self._session, run)
-        self._views = LiveViews(self._watcher)
+        self._bus = bus
+        self._connect = connect
+        self._watcher: ViewWatcher | None = None
+        self._views = LiveViews()
         self._evaluations = Evaluations()
         self._curves = CurveChannels()
         self._begun = False
@@ -82,8 +84,10 @@ class Training(Source):
             hub.put("actors", values.pop("actors"))
             hub.put("status", values)
             self._curves.add(hub, self._point(status))
-        self._views.refresh(hub, {actor.name: actor.role for actor in status.actors})
-        self._evaluations.add(hub, self._watcher.outcomes())
+        watcher = self._watcher
+        if watcher is not None:
+            self._views.refresh(hub, watcher, {actor.name: actor.role for actor in status.actors})
+            self._evaluations.add(hub, watcher.outcomes())
 
     def carry_out(self, command: Command) -> Mapping[str, Any]:
         """Pass a command on to the learner and return its status.
@@ -98,8 +102,8 @@ class Training(Source):
     def close(self) -> None:
         """Leave the bus; safe to call twice."""
         self._asking.close()
+        self._look_away()
         if not self._session.is_closed():
-            self._watcher.close()
             self._session.close()
 
     def _begin(self, hub: Hub) -> None:
@@ -121,10 +125,19 @@ class Training(Source):
             if not self._problem:
                 log.warning("%s", error)
             self._problem = str(error)
+            self._look_away()
             return
+        if self._watcher is None:
+            self._watcher = ViewWatcher(open_viewer_session(self._bus, self._connect), self._run)
         self._problem = ""
         self._heard = time.monotonic()
         self._patience = self._heard + (self._heard - began) / _SHARE - ASK_SECONDS
+
+    def _look_away(self) -> None:
+        """Leave the actors; a learner that comes again is looked at anew."""
+        watcher, self._watcher = self._watcher, None
+        if watcher is not None:
+            watcher.close()
 
     def _silence(self) -> int:
         """Seconds since the learner answered last, 0 when it never did."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from common.bus.session import open_client_session
+from common.bus.session import open_viewer_session
 from common.bus.views import ViewWatcher
 from common.config import BusConfig
 from tests.actors.learner_end import LearnerEnd, free_port
@@ -13,8 +13,7 @@ def test_an_actor_shows_its_episode_a_few_times_a_second_while_somebody_looks():
     with (
         LearnerEnd(free_port()) as learner,
         Running(learner.endpoint),
-        open_client_session(BusConfig(), [learner.endpoint]) as session,
-        ViewWatcher(session, "test") as watcher,
+        ViewWatcher(open_viewer_session(BusConfig(), [learner.endpoint]), "test") as watcher,
     ):
         watcher.look_at({("actor", "desk-0")})
         seen = []
@@ -33,8 +32,7 @@ def test_an_actor_shows_its_episode_a_few_times_a_second_while_somebody_looks():
 def test_an_evaluator_shows_how_each_episode_ended():
     with (
         LearnerEnd(free_port()) as learner,
-        open_client_session(BusConfig(), [learner.endpoint]) as session,
-        ViewWatcher(session, "test") as watcher,
+        ViewWatcher(open_viewer_session(BusConfig(), [learner.endpoint]), "test") as watcher,
         Running(learner.endpoint, evaluate=True, restarts=2, last_error="was killed by SIGKILL"),
     ):
         ended = []

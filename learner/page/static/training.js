@@ -24,7 +24,6 @@ attachShell(connection, $("tools"));
 let watched = new URLSearchParams(location.search).get("actor") ?? "";
 let chosen = Boolean(watched);
 let visible = true;
-let fitted = 0;
 const picture = new TilePicture();
 const map = new MapView($("map"), drawMap);
 const plots = new Plots($);
@@ -45,7 +44,8 @@ connection.on("tiles", (frame) => {
   if (kind === "world") takeWorldTiles(Number(name), frame);
   else if (name === watched) {
     picture.take(frame);
-    fitted = 0;
+    const box = knownBox(picture);
+    if (box) map.fit(box);
     map.redraw();
   }
 });
@@ -182,11 +182,6 @@ function showEvaluations(worlds) {
 // ---- the map
 
 function drawMap(context, shown) {
-  if (picture.tiles.size && !fitted) {
-    fitted = 1;
-    const box = knownBox(picture);
-    if (box) shown.fit(box);
-  }
   drawEpisode(context, shown.pixel, picture, view());
   const { metres, pixels } = shown.bar(80);
   setText($("scale-text"), metres < 1 ? `${metres * 100}\u202fcm` : `${metres}\u202fm`);

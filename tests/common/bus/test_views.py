@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from common.bus.keys import Keys
-from common.bus.session import open_client_session, open_learner_session
+from common.bus.session import open_client_session, open_learner_session, open_viewer_session
 from common.bus.views import MAX_LOOKED_AT, ViewPublisher, ViewWatcher
 from tests.common.bus.processes import eventually, loopback
 from tests.common.messages import samples
@@ -14,15 +14,15 @@ RNG = np.random.default_rng(0)
 @pytest.fixture(scope="module")
 def sessions():
     bus = loopback()
-    with open_learner_session(bus), open_client_session(bus) as actor, open_client_session(bus) as page:
-        yield actor, page
+    with open_learner_session(bus), open_client_session(bus) as actor:
+        yield actor, lambda: open_viewer_session(bus)
 
 
 def test_an_actor_knows_whether_somebody_looks_and_is_seen_by_them(sessions):
     actor, page = sessions
     with ViewPublisher(actor, "run", "actor", "desk-0") as publisher:
         assert not publisher.looked_at
-        with ViewWatcher(page, "run") as watcher:
+        with ViewWatcher(page(), "run") as watcher:
             assert eventually(lambda: publisher.outcomes_wanted)
             assert not publisher.looked_at
             watcher.look_at({("actor", "desk-1")})
@@ -44,7 +44,7 @@ def test_an_actor_knows_whether_somebody_looks_and_is_seen_by_them(sessions):
 
 def test_what_is_no_view_of_its_sender_is_counted_and_left_out(sessions):
     actor, page = sessions
-    with ViewWatcher(page, "other") as watcher, ViewPublisher(actor, "other", "evaluator", "rack-0") as publisher:
+    with ViewWatcher(page(), "other") as watcher, ViewPublisher(actor, "other", "evaluator", "rack-0") as publisher:
         watcher.look_at({("evaluator", "rack-0"), *(("actor", f"desk-{i}") for i in range(2 * MAX_LOOKED_AT))})
         assert eventually(lambda: publisher.outcomes_wanted)
         publisher.send(samples.view(RNG), outcome=True)

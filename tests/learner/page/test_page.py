@@ -91,7 +91,11 @@ def test_the_page_tells_what_the_learner_and_its_actors_do(rig):
         row = reader.series["curves/points"][0][-1]
         tags = dict(zip(reader.values["curves/tags"], row[2:], strict=True))
         assert row[1] == 3394
-        assert (tags["episode_train/distance"], tags["evaluation/distance"], tags["loss/policy"]) == (251.3, 250.25, -1.25)
+        assert (tags["episode_train/distance"], tags["evaluation/distance"], tags["loss/policy"]) == (
+            251.3,
+            250.25,
+            -1.25,
+        )
         learner.status = dataclasses.replace(learner.status, actors=[JUDGE])
         reader.until(lambda: [actor["name"] for actor in reader.values["actors"]] == ["desk-eval-0"])
         learner.status = dataclasses.replace(learner.status, actors=[ACTOR, DEAD, JUDGE])
@@ -122,7 +126,10 @@ def test_an_actor_shows_its_episode_only_while_somebody_looks(rig):
 def test_evaluations_are_shown_world_by_world_with_their_newest_picture(rig):
     bus, _, page = rig
     ends = {"ended": True, "success": True, "version": 41}
-    with acting(bus, "evaluator", "desk-eval-0", **ends), Reader(page.address, channels=["evaluations", "world/*"]) as reader:
+    with (
+        acting(bus, "evaluator", "desk-eval-0", **ends),
+        Reader(page.address, channels=["evaluations", "world/*"]) as reader,
+    ):
         (world,) = reader.until(lambda: reader.values.get("evaluations"))
         assert (world["world"], world["seen"], world["results"][-1]) == ("rooms-7", True, [41, 1, 31.5, 0.25])
         assert reader.until(lambda: reader.values.get(f"world/{world['id']}/view"))["success"]
