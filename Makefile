@@ -12,7 +12,7 @@ JOBS ?= 2
 MINUTES ?= 30
 
 .DEFAULT_GOAL := help
-.PHONY: help install run demo check test test-all test-ros lint types format docs bench soak faults fuzz clean
+.PHONY: help install run demo check test test-all test-page test-ros lint types format docs bench soak faults fuzz clean
 
 help:  ## show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -40,8 +40,11 @@ test: $(STAMP)  ## the test suite without its slow tests
 check:  ## what must be green before a change lands: install, lint, types, test
 	bash .ci/run
 
-test-all: $(STAMP)  ## the whole test suite
-	$(BIN)/python -m pytest -n $(JOBS)
+test-all: $(STAMP)  ## the whole test suite, but for the tests that need a browser
+	$(BIN)/python -m pytest -n $(JOBS) -m 'not page'
+
+test-page: $(STAMP)  ## the pages in headless Chromium (apt-get install chromium): a simulated robot and a training, real processes
+	$(BIN)/python -m pytest -n 0 -m page
 
 test-ros: $(STAMP)  ## the relay against real ROS 2 (rclpy, Fast DDS); skipped with a word where it has no wheels
 	@if [ $(ROS_STAMP) -ot pyproject.toml ] || [ $(ROS_STAMP) -ot constraints.txt ]; then \

@@ -32,6 +32,7 @@ PARTS: dict[str, tuple[str, int | None]] = {
     "replay": ("the replay buffer", 1),
     "ingest": ("chunks through codec and bus, weights to actors", 1),
     "acknowledgement": ("what it costs to acknowledge from the disk instead of from memory", 1),
+    "page": ("the page of a robot at 0, 1 and 10 browsers, and a control loop beside it", 1),
     "memory": ("resident memory of each process of a run", None),
 }
 

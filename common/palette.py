@@ -56,7 +56,7 @@ VIEWPOINT: Final = Colour("#6b7482", "#9aa3b1")
 VISITED: Final = Colour("#4a515c", "#707987")
 USEFUL: Final = Colour("#2f8fdd", "#5cb1f5")
 BEACON: Final = Colour("#b3261e", "#ff7a70")
-WAYPOINT: Final = Colour("#1e9e4a", "#3fcf73")
+WAYPOINT: Final = Colour("#1e9e4a", "#8fe36b")
 TARGET: Final = Colour("#b3261e", "#ff7a70")
 BANNED: Final = Colour("#c2185b", "#ff6fa3")
 

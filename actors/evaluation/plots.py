@@ -16,12 +16,14 @@ from actors.evaluation.retrace import retrace
 from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.statistics import distance_ratio, find
 from actors.maps.grid_map import GridMap
+from common import palette
 from common.mapping.belief import Belief
 from common.system.extras import optional
 from common.tasks import find_task
 
 # Unknown, free and occupied cells of a belief, and true walls that the robot has not seen.
-UNKNOWN, FREE, OCCUPIED, UNSEEN_WALL = (173, 178, 186), (244, 244, 240), (52, 56, 64), (150, 155, 164)
+UNKNOWN, FREE = palette.UNKNOWN.rgb, palette.FREE.rgb
+OCCUPIED, UNSEEN_WALL = palette.OCCUPIED.rgb, palette.UNSEEN_WALL.rgb
 CURVE_POINTS = 200
 PANEL_WIDTH = 4.2
 
@@ -94,14 +96,15 @@ def plot_trajectories(
         episode = next(episode for episode in results.episodes if episode.map == map_name)
         route = np.array(episode.waypoints)
         ax.imshow(shown.picture, interpolation="nearest")
-        ax.scatter(*shown.frontiers.T, s=1.5, color="#e07b00", linewidths=0, label="frontiers")
-        ax.plot(*route.T, color="#3566b8", linewidth=1.0, zorder=2)
+        ax.scatter(*shown.frontiers.T, s=1.5, color=palette.FRONTIER.light, linewidths=0, label="frontiers")
+        ax.plot(*route.T, color=palette.WAY.light, linewidth=1.0, zorder=2)
         points = ax.scatter(*route.T, c=np.arange(len(route)), cmap="viridis", s=7, zorder=3)
         points.set_label("waypoints, dark to bright")
-        ax.scatter(*shown.beacons.T, marker="^", s=26, color="#b3261e", zorder=4, label="beacons")
+        ax.scatter(*shown.beacons.T, marker="^", s=26, color=palette.BEACON.light, zorder=4, label="beacons")
         ax.scatter(*route[0], marker="o", s=40, facecolor="none", edgecolor="black", zorder=5, label="start")
         if find_task(results.task).needs_target and world.target is not None:
-            ax.scatter(*to_pixels(world, world.target), marker="*", s=70, color="#b3261e", zorder=5, label="target")
+            target = to_pixels(world, world.target)
+            ax.scatter(*target, marker="*", s=70, color=palette.TARGET.light, zorder=5, label="target")
         state = "" if episode.success else ", failed"
         ax.set_title(f"{results.planner}: {episode.distance_m:.0f} m, {episode.steps} steps{state}", fontsize=9)
     for ax in axes:
@@ -188,7 +191,7 @@ def plot_scatter(found: Sequence[Results], baseline: str, path: Path) -> None:
         ax.plot([0, top], [0, top], color="gray", linewidth=0.8)
         ax.scatter(x[both], y[both], s=9, alpha=0.7, label="both complete")
         if not both.all():
-            ax.scatter(x[~both], y[~both], s=14, marker="x", color="#b3261e", label="one failed")
+            ax.scatter(x[~both], y[~both], s=14, marker="x", color=palette.FAULT.light, label="one failed")
         better = f"shorter on {np.mean(y < x - 1e-6):.0%}"
         ax.set(xlim=(0, top), ylim=(0, top), xlabel=f"{baseline} [m]", ylabel=f"{results.planner} [m]")
         ax.set_title(f"ratio {distance_ratio(results, reference):.3f}, {better}", fontsize=9)

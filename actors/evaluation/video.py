@@ -16,6 +16,7 @@ from actors.evaluation.results import EpisodeResult, Results, ResultsError
 from actors.evaluation.retrace import Moment, retrace
 from actors.evaluation.settings import EvaluationSettings
 from actors.maps.grid_map import GridMap
+from common import palette
 from common.system.extras import optional
 from common.tasks import find_task
 
@@ -25,12 +26,12 @@ FRAMES_PER_STEP = 4
 HOLD_LAST = 12
 STRIP = 22
 
-_FRONTIER = (224, 123, 0)
-_ROUTE = (53, 102, 184)
-_BEACON = (179, 38, 30)
-_TARGET = (179, 38, 30)
-_ROBOT = (20, 120, 60)
-_TEXT = (30, 30, 30)
+_FRONTIER = palette.FRONTIER.rgb
+_ROUTE = palette.WAY.rgb
+_BEACON = palette.BEACON.rgb
+_TARGET = palette.TARGET.rgb
+_ROBOT = palette.ROBOT.rgb
+_TEXT = palette.TEXT.rgb
 
 
 def write_video(

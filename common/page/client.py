@@ -92,9 +92,8 @@ class Client:
                 type="hello", protocol=VERSION, page=self._site.name, rate=self._rate, verbs=list(self._source.verbs)
             )
             async with asyncio.TaskGroup() as tasks:
-                sender = tasks.create_task(self._send_news(view))
+                tasks.create_task(self._send_news(view))
                 await self._listen(view)
-                sender.cancel()
         except* (WebSocketDisconnect, TimeoutError, OSError) as gone:
             log.debug("%s has gone: %s", self._address, gone.exceptions[0])
         except* MessageError as wrong:

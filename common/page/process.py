@@ -23,7 +23,7 @@ from common.system.runtime import process_environment, python_module
 
 log = logging.getLogger(__name__)
 
-_START_SECONDS: Final = 30.0
+_START_SECONDS: Final = 120.0
 _CLOSE_SECONDS: Final = 3.0
 _AGAIN_SECONDS: Final = 3.0
 
@@ -60,6 +60,11 @@ class PageProcess(Closing):
         self._settings = replace(settings, port=urlsplit(self.address).port or settings.port)
         self._thread = threading.Thread(target=self._keep, name="page-process", daemon=True)
         self._thread.start()
+
+    @property
+    def pid(self) -> int:
+        """Process number of the page."""
+        return self._process.pid
 
     def close(self) -> None:
         """End the page. Safe to call twice."""

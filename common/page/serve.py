@@ -36,7 +36,15 @@ _NICENESS: Final = 5
 
 
 class _Server(uvicorn.Server):
-    """A server that leaves the signals alone."""
+    """A server that leaves the signals alone, and tells when it answers."""
+
+    def __init__(self, config: uvicorn.Config, tell: Callable[[], object]) -> None:
+        super().__init__(config)
+        self._tell = tell
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        self._tell()
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -52,7 +60,7 @@ def serve(
         settings: where, and who may command.
         site: its files.
         source: of its data; it is closed at the end.
-        announce: is told the page's address as soon as it can be opened.
+        announce: is told the page's address as soon as it answers.
 
     Raises:
         PageError: the address cannot be listened at.
@@ -73,12 +81,12 @@ def serve(
             ws_per_message_deflate=False,
             timeout_graceful_shutdown=1,
         )
-        server = _Server(config)
+        address = url_of(settings.host, listener.getsockname()[1])
+        server = _Server(config, lambda: announce(address))
 
         def stop() -> None:
             server.should_exit = True
 
-        announce(url_of(settings.host, listener.getsockname()[1]))
         if not is_local(settings.host):
             log.warning(
                 "the page at %s is served without TLS: everybody who reaches it can read it, and whoever listens in "

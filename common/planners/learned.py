@@ -85,7 +85,11 @@ class LearnedPlanner:
     """
 
     policy: Policy
+    rule_applied: int
+    guarded: int
+    guarded_by: str
     attention: Attention | None
+    _places: PlacesSinceGain
     _beacon: Position | None
     _reference: ReferenceRoute | None
     _depth: Depth | None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import logging
 import math
 import threading
@@ -12,7 +13,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from common.errors import HDError
 from common.geometry import Pose
+from common.ids import ID_PATTERN
 from common.page.hub import Hub
 from common.system.documents import DocumentError, parse_json
 from deploy.config import DeployConfig
@@ -29,6 +32,7 @@ _STEP: Final = 0.1
 _MAX_POINTS: Final = 400
 _MAX_PATH: Final = 500
 _HEIGHTS: Final = (0.1, 2.0)
+_ORDER: Final = ("status", "odometry", "watchdog", "scene", "path", "belief", "scan", "points")
 
 Roles = Mapping[str, tuple[str, str, QoS]]
 """Absolute topic, message type and quality of service, by what the topic is to the page."""
@@ -127,21 +131,22 @@ class RobotFeed:
                 self._newest = {**newest, **self._newest}
                 self._decisions = [*decisions, *self._decisions]
             return
-        # The status tells the name, and the pose where no odometry does; the scan is placed by either.
-        order = ("status", "odometry", "watchdog", "scene", "path", "belief", "scan", "points")
-        for role in sorted(newest, key=order.index):
-            self._read(role, lambda role=role: self._put(hub, role, newest[role]))  # type: ignore[misc]
-        if self._forgotten:
-            self._forgotten = False
+        if self._forgotten and self.name:
             for series in ("way", "events", "decisions"):
                 hub.clear(self._channel(series))
+        self._forgotten = False
+        # The status tells the name, and the pose where no odometry does; the scan is placed by either.
+        for role in sorted(newest, key=_ORDER.index):
+            self._read(role, functools.partial(self._put, hub, role, newest[role]))
+            if not self.name:
+                return
         for at, payload in decisions:
-            self._read("runtime", lambda at=at, payload=payload: self._put_decision(hub, at, payload))  # type: ignore[misc]
+            self._read("runtime", functools.partial(self._put_decision, hub, at, payload))
 
     def _read(self, role: str, read: Callable[[], None]) -> None:
         try:
             read()
-        except (RosError, DocumentError) as error:
+        except (HDError, DocumentError) as error:
             if role not in self._bad:
                 self._bad.add(role)
                 log.warning("the %s of robot %r cannot be shown: %s", role, self.name, error)
@@ -156,11 +161,14 @@ class RobotFeed:
 
     def _put_status(self, hub: Hub, message: Message) -> None:
         status = _object(message.data)
-        self.name = self.name or str(status.get("name", ""))[:64] or "robot"
+        name = status.get("name")
+        if not isinstance(name, str) or not ID_PATTERN.fullmatch(name):
+            raise RosError(f"a status must tell the robot's name, got {str(name)[:40]!r}")
+        self.name = self.name or name
         hub.put(self._channel("status"), status)
-        pose = status.get("pose")
-        if "odometry" not in self._kinds and _numbers(pose, 3):
-            self._put_pose(hub, Pose(*pose), None)
+        pose = _pose_of(status.get("pose"))
+        if "odometry" not in self._kinds and pose is not None:
+            self._put_pose(hub, pose, None)
         event = tuple(status.get(name) for name in ("state", "reason", "planner", "guard", "relieved"))
         if event != self._last_event:
             self._last_event = event
@@ -235,12 +243,11 @@ def _object(text: str) -> dict[str, Any]:
     return found
 
 
-def _numbers(value: Any, count: int) -> bool:
-    return (
-        isinstance(value, list)
-        and len(value) == count
-        and all(isinstance(each, int | float) and not isinstance(each, bool) for each in value)
-    )
+def _pose_of(value: Any) -> Pose | None:
+    """Return a pose as a status tells it: x, y, yaw."""
+    if not isinstance(value, list) or len(value) != 3:
+        return None
+    return Pose(*value) if all(isinstance(each, int | float) for each in value) else None
 
 
 def _centimetres(positions: NDArray[np.float64]) -> list[int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import logging
+import threading
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -18,7 +19,7 @@ from deploy.bridge.command_text import CommandError
 from deploy.config import DeployConfig
 from deploy.network_config import TopicsConfig
 from deploy.page.feed import SILENT_SECONDS, RobotFeed, roles_of
-from deploy.ros2 import Node
+from deploy.ros2 import Node, RosError
 from deploy.ros2.graph import read_graph
 from deploy.ros2.names import namespace, topic_name
 from deploy.ros2.session import guest_of
@@ -27,6 +28,7 @@ log = logging.getLogger(__name__)
 
 _LOOK_SECONDS: Final = 2.0
 _ANSWER_SECONDS: Final = 5.0
+_JOIN_SECONDS: Final = 1.0
 MAX_ROBOTS: Final = 32
 """Robots on one page."""
 
@@ -42,17 +44,23 @@ class Robots(Source):
     urgent = ("stop",)
 
     def __init__(self, config: DeployConfig) -> None:
-        """Join the network of the configuration as a guest.
+        """Join the network of the configuration as a guest; where its router is not there yet, as soon as it is.
 
         Raises:
             RosError: an endpoint is malformed.
         """
         self._config = config
-        self._node = Node(guest_of(config.ros), "hd_page")
         self._feeds: dict[str, RobotFeed] = {}
-        # Before the first look: the own robot is to be seen at once.
-        self._listen(_status_topic(config), config)
-        self._looking = Ticker("looking for robots", _LOOK_SECONDS, self._look)
+        self._node: Node | None = None
+        self._problem: RosError | None = None
+        self._looking: Ticker | None = None
+        self._closed = False
+        # A bridge that is the router itself starts its page before itself.
+        joining = threading.Thread(target=self._join, name="joining the network", daemon=True)
+        joining.start()
+        joining.join(_JOIN_SECONDS)
+        if self._problem is not None:
+            raise self._problem
 
     def refresh(self, hub: Hub) -> None:
         """Put what all robots told since the last time."""
@@ -68,6 +76,8 @@ class Robots(Source):
             BusError: a robot did not answer, or refused.
             CommandError: no robot is named.
         """
+        if self._node is None:
+            raise BusError(f"the robots' router is not there yet ({', '.join(guest_of(self._config.ros).connect)})")
         session = self._node.session
         if command.verb == "stop":
             arguments = {"reason": str(command.arguments.get("reason", "by the page"))[:200]}
@@ -85,13 +95,32 @@ class Robots(Source):
 
     def close(self) -> None:
         """Leave the network; safe to call twice."""
-        self._looking.close()
-        self._node.close()
+        self._closed = True
+        if self._looking is not None:
+            self._looking.close()
+        if self._node is not None:
+            self._node.close()
 
-    def _look(self) -> None:
+    def _join(self) -> None:
+        """Join the network, however long its router takes, and begin to look for robots."""
+        try:
+            node = Node(guest_of(self._config.ros), "hd_page")
+        except RosError as error:
+            self._problem = error
+            log.error("no robots can be shown: %s", error)
+            return
+        if self._closed:
+            node.close()
+            return
+        # The own robot is to be seen at once, before the first look.
+        self._listen(node, _status_topic(self._config), self._config)
+        self._node = node
+        self._looking = Ticker("looking for robots", _LOOK_SECONDS, lambda: self._look(node))
+
+    def _look(self, node: Node) -> None:
         """Find robots that came."""
         suffix = "/" + self._config.topics.status.strip("/")
-        for topic, endpoints in read_graph(self._node.session, self._config.ros.domain).topics().items():
+        for topic, endpoints in read_graph(node.session, self._config.ros.domain).topics().items():
             if topic in self._feeds or not topic.endswith(suffix):
                 continue
             if not any(each.role == "publisher" and each.kind == "std_msgs/msg/String" for each in endpoints):
@@ -99,12 +128,12 @@ class Robots(Source):
             if len(self._feeds) >= MAX_ROBOTS:
                 log.warning("more than %d robots are on this network: %s is not shown", MAX_ROBOTS, topic)
                 return
-            self._listen(topic, below(self._config, topic.removesuffix(suffix)))
+            self._listen(node, topic, below(self._config, topic.removesuffix(suffix)))
 
-    def _listen(self, status: str, config: DeployConfig) -> None:
+    def _listen(self, node: Node, status: str, config: DeployConfig) -> None:
         feed = RobotFeed(config)
         for role, (topic, kind, qos) in roles_of(config).items():
-            self._node.subscribe_raw(topic, kind, functools.partial(_take, feed, role), qos)
+            node.subscribe_raw(topic, kind, functools.partial(_take, feed, role), qos)
         self._feeds[status] = feed
         log.info("watching the robot whose status is on %s", status)
 
@@ -116,7 +145,7 @@ def below(config: DeployConfig, where: str) -> DeployConfig:
         for name, value in config.topics.model_dump().items()
         if isinstance(value, str) and name != "remap"
     }
-    topics = TopicsConfig(**names)
+    topics = TopicsConfig.model_validate(names)
     return config.model_copy(update={"topics": topics, "ros": config.ros.model_copy(update={"namespace": where})})
 
 

@@ -6,14 +6,16 @@ from types import ModuleType
 
 import numpy as np
 
+from common import palette
 from common.geometry import Pose
+from common.palette import rgb
 from common.system.extras import optional
 from deploy.ros2 import Message, RosError
 from deploy.ros2.conversions import grid_from, path_from, points_from, pose_from, position_from, scan_from
 from deploy.ros2.messages import deserialize
 
-_GREY = {"unknown": 128, "free": 255, "occupied": 0}
-_ORANGE, _BLUE, _GREEN, _RED = (255, 140, 0), (60, 120, 255), (40, 180, 60), (220, 40, 40)
+_BELIEF = np.array([rgb(each.dark) for each in (palette.UNKNOWN, palette.FREE, palette.OCCUPIED)], np.uint8)
+_SCAN, _WAY, _WAYPOINT = (rgb(each.dark) for each in (palette.SCAN, palette.WAY, palette.WAYPOINT))
 
 
 class Viewer:
@@ -55,23 +57,23 @@ class Viewer:
         if kind == "nav_msgs/msg/Odometry":
             self._pose = pose_from(message)[1]
             self._trail.append(self._pose.position)
-            rerun.log(topic, rerun.LineStrips2D([self._trail], colors=[_BLUE]))
+            rerun.log(topic, rerun.LineStrips2D([self._trail], colors=[_WAY]))
         elif kind == "sensor_msgs/msg/LaserScan" and self._pose is not None:
             scan, pose = scan_from(message), self._pose
             angles = pose.yaw + scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
             met = (scan.ranges >= scan.range_min) & (scan.ranges < scan.range_max)
             ends = np.stack([pose.x + scan.ranges * np.cos(angles), pose.y + scan.ranges * np.sin(angles)], axis=1)
-            rerun.log(topic, rerun.Points2D(ends[met], colors=_RED, radii=0.05))
+            rerun.log(topic, rerun.Points2D(ends[met], colors=_SCAN, radii=0.05))
         elif kind == "sensor_msgs/msg/PointCloud2":
             rerun.log(topic, rerun.Points3D(points_from(message)[:, :3], radii=0.02))
         elif kind == "geometry_msgs/msg/PointStamped":
-            rerun.log(topic, rerun.Points2D([position_from(message)[1]], colors=_ORANGE, radii=0.2))
+            rerun.log(topic, rerun.Points2D([position_from(message)[1]], colors=_WAYPOINT, radii=0.2))
         elif kind == "nav_msgs/msg/Path":
-            rerun.log(topic, rerun.LineStrips2D([path_from(message)], colors=[_GREEN]))
+            rerun.log(topic, rerun.LineStrips2D([path_from(message)], colors=[_WAYPOINT]))
         elif kind == "nav_msgs/msg/OccupancyGrid":
             cells = grid_from(message)[0]
-            picture = np.where(cells < 0, _GREY["unknown"], np.where(cells >= 50, _GREY["occupied"], _GREY["free"]))
-            rerun.log(topic, rerun.Image(picture[::-1].astype(np.uint8), color_model="L"))
+            picture = _BELIEF[np.where(cells < 0, 0, np.where(cells >= 50, 2, 1))]
+            rerun.log(topic, rerun.Image(picture[::-1], color_model="RGB"))
         elif kind == "std_msgs/msg/String":
             rerun.log(topic, rerun.TextLog(message.data))
 

@@ -101,6 +101,7 @@ def _to_robot(config: DeployConfig) -> list[Route]:
         (topics.acknowledgement, "std_msgs/msg/String", RELIABLE, False),
         (topics.diagnostics, "diagnostic_msgs/msg/DiagnosticArray", RELIABLE, False),
         (topics.markers, "visualization_msgs/msg/MarkerArray", QoS(depth=1), False),
+        (topics.scene, "std_msgs/msg/String", QoS(depth=1), False),
         (topics.belief, "nav_msgs/msg/OccupancyGrid", LATCHED, False),
         (topics.watchdog, "std_msgs/msg/String", LATCHED, False),
         (topics.speed, "std_msgs/msg/Float32", RELIABLE, False),

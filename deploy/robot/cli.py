@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import json
 import os
 import threading
@@ -13,6 +15,7 @@ from pydantic import ValidationError
 
 from common.cli import command_errors, message_console
 from common.errors import ConfigError
+from common.page.options import TokenOption, page_settings
 from common.system.extras import optional
 from common.system.logs import setup_logging
 from common.system.signals import stopping_signals
@@ -152,13 +155,22 @@ def demo(
     ] = None,
     folder: Annotated[Path, typer.Option(help="Where video, verdict and logs go.")] = Path("runs/demo"),
     video: Annotated[str, typer.Option(help="Name of the video, .mp4 or .gif; empty for none.")] = "demo.mp4",
+    page_at: Annotated[
+        str | None,
+        typer.Option(
+            "--page",
+            help="Where to show it in a browser; empty for no page. [default: 8080, or a free port]",
+            metavar="[HOST:]PORT",
+        ),
+    ] = None,
+    page_token: TokenOption = None,
     log_level: Annotated[str | None, typer.Option(help="debug, info, warning or error.")] = None,
 ) -> None:
-    """Watch a simulated robot explore: robot and bridge as processes, live in the terminal, a video at the end."""
+    """Watch a simulated robot explore: live in the terminal and in a browser, a video at the end."""
     console = message_console()
     setup_logging(log_level, console=console if console.is_terminal else None)
     with optional("hd-deploy demo", *_EXTRAS):
-        from deploy.robot.demo import run_demo
+        from deploy.robot.demo import DEFAULT_PAGE, demo_page, run_demo
         from deploy.robot.trial import Trial
 
     TASKS.check(task)
@@ -181,8 +193,11 @@ def demo(
         settings=[*suited_settings(world), *(settings or ())],
     )
     stop = threading.Event()
+    seconds = trial.ample_seconds if limit is None else limit
+    page = None if page_at == "" else page_settings(page_at or DEFAULT_PAGE, page_token)
+    shown = contextlib.nullcontext if page is None else functools.partial(demo_page, page, insist=page_at is not None)
     with stopping_signals(stop.set, stop.is_set):
-        verdict = run_demo(trial, folder, trial.ample_seconds if limit is None else limit, stop, console, video or None)
+        verdict = run_demo(trial, folder, seconds, stop, console, video or None, shown)
     typer.echo(json.dumps(verdict.to_json(), indent=2))
     if not verdict.success and not stop.is_set():
         raise typer.Exit(1)

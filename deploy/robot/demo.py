@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import json
 import logging
+import os
+import sys
 import threading
+import webbrowser
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +18,31 @@ from rich.console import Console
 from rich.live import Live
 
 from actors.evaluation.video import write_frames
+from common.page.hub import PageError
+from common.page.options import PageSettings
+from common.system.extras import MissingPackageError
+from deploy.config import DeployConfig
+from deploy.page.process import start_page
 from deploy.robot.film import Shot, frames
 from deploy.robot.terminal import live_view
 from deploy.robot.trial import Trial, Verdict
 
 log = logging.getLogger(__name__)
 
+DEFAULT_PAGE = "8080"
+"""Port of the page unless another one is asked for."""
+
 _PLAIN_SECONDS = 10.0
 
 
 def run_demo(
-    trial: Trial, folder: Path, limit: float, stop: threading.Event, console: Console, video: str | None
+    trial: Trial,
+    folder: Path,
+    limit: float,
+    stop: threading.Event,
+    console: Console,
+    video: str | None,
+    page: Callable[[DeployConfig], AbstractContextManager[object]] = nullcontext,
 ) -> Verdict:
     """Run a trial with a live view, and write its video and its verdict.
 
@@ -33,6 +53,7 @@ def run_demo(
         stop: ends it early.
         console: where the live view is shown; a line every ten seconds where it is no terminal with UTF-8.
         video: file name that ends in .mp4 or .gif; None for none.
+        page: shows the robot elsewhere too, given the settings of its network; see `demo_page`.
     """
     # Half blocks need a terminal that can show them.
     pictures = console.is_terminal and console.encoding.startswith("utf")
@@ -54,7 +75,7 @@ def run_demo(
             live.refresh()
 
         try:
-            verdict = trial.run(limit, stop, tell)
+            verdict = trial.run(limit, stop, tell, page)
         finally:
             if video is not None and trial.shots:
                 path = folder / video
@@ -62,6 +83,40 @@ def run_demo(
                 log.info("%d pictures are in %s", count, path)
     (folder / "verdict.json").write_text(json.dumps(verdict.to_json(), indent=2) + "\n", "utf-8")
     return verdict
+
+
+@contextmanager
+def demo_page(settings: PageSettings, config: DeployConfig, *, insist: bool) -> Iterator[None]:
+    """Show the robot in a browser within the `with`, and open one where there is a display.
+
+    Args:
+        settings: of the page.
+        config: of the robot's network.
+        insist: fail where the page cannot be had; otherwise it takes another port where its own is taken, and the
+            demonstration does without it where the extra `page` is not installed, and says so.
+
+    Raises:
+        PageError: the page cannot be served there.
+        ConfigError: the extra is not installed.
+    """
+    with ExitStack() as parts:
+        try:
+            page = parts.enter_context(start_page(settings, config))
+        except PageError:
+            if insist:
+                raise
+            page = parts.enter_context(start_page(replace(settings, port=0), config))
+        except MissingPackageError as error:
+            if insist:
+                raise
+            log.warning("without a page: %s", error)
+            yield
+            return
+        address = f"{page.address}#token={settings.token}"
+        log.info("watch and command it at %s", address)
+        if sys.platform == "darwin" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")):
+            webbrowser.open(address)
+        yield
 
 
 def _lines(trial: Trial, truth: dict[str, Any], status: dict[str, Any]) -> dict[str, Any]:

@@ -42,6 +42,7 @@ class Deployment(Closing):
 
     Attributes:
         endpoint: of the robot, which is the router of the bus.
+        config: of whoever joins that bus.
         robot: process of the robot.
         bridge: process of the bridge.
     """
@@ -70,6 +71,7 @@ class Deployment(Closing):
         self.bridge = self._start("bridge", [*common, *bridge, "--connect", self.endpoint])
         try:
             ros = config.ros.model_copy(update={"listen": (), "connect": (self.endpoint,)})
+            self.config = config.model_copy(update={"ros": ros})
             self.node = Node(ros, "hd_watcher", config.topics.remap)
         except BaseException:
             self._end()

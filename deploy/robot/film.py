@@ -14,6 +14,7 @@ from PIL import Image, ImageDraw
 from actors.evaluation.pixels import to_pixels
 from actors.evaluation.plots import belief_picture
 from actors.maps.grid_map import GridMap
+from common import palette
 from common.geometry import Pose
 from common.mapping.belief import Belief
 from common.planners.base import Position
@@ -26,7 +27,8 @@ WIDTHS = 640, 1280
 MOST_PICTURES = 900
 """A minute and a half of video; of longer deployments moments are left out evenly."""
 MARGIN = 0.5
-_ROUTE, _PLAN, _BEACON, _ROBOT, _TEXT = (53, 102, 184), (224, 123, 0), (179, 38, 30), (20, 120, 60), (30, 30, 30)
+_ROUTE, _PLAN, _BEACON = palette.WAY.rgb, palette.WAYPOINT.rgb, palette.BEACON.rgb
+_ROBOT, _TEXT = palette.ROBOT.rgb, palette.TEXT.rgb
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,13 +11,15 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
+from common import palette
 from common.geometry import Pose
 from common.planners.base import Position
 from deploy.robot.simulation import Grid
 
-_COLOURS = {-1: "#3c4048", 0: "#f0f0ea", 100: "#14161a"}
-_ROBOT, _WAYPOINT, _WAY = "#1e9e4a", "#e07b00", "#7ea6e0"
 _UNKNOWN, _FREE, _OCCUPIED = -1, 0, 100
+# Most terminals are dark.
+_COLOURS = {_UNKNOWN: palette.UNKNOWN.dark, _FREE: palette.FREE.dark, _OCCUPIED: palette.OCCUPIED.dark}
+_ROBOT, _WAYPOINT, _WAY = palette.ROBOT.dark, palette.WAYPOINT.dark, palette.WAY.dark
 
 
 def live_view(

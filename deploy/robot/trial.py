@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from actors.tasks.coverage import Coverage
 from common.geometry import Pose
 from common.planners.base import Position, TaskName
 from common.tasks import find_task
+from deploy.config import DeployConfig
 from deploy.profiles import load_deploy_config
 from deploy.robot.deployment import Deployment, DeploymentError
 from deploy.robot.film import PackedGrid, Shot
@@ -121,6 +123,7 @@ class Trial:
         limit: float,
         stop: threading.Event,
         tell: Callable[[Shot, dict[str, Any], dict[str, Any]], None] | None = None,
+        beside: Callable[[DeployConfig], AbstractContextManager[object]] = nullcontext,
     ) -> Verdict:
         """Run until the bridge says that it is done, ``limit`` seconds of the robot are over, or `stop` is set.
 
@@ -128,13 +131,18 @@ class Trial:
             limit: seconds of the robot.
             stop: ends it early.
             tell: called with every recorded moment, the truth and the bridge's status.
+            beside: what runs as long as robot and bridge do, such as a page; it is given the settings of their network.
 
         Raises:
             DeploymentError: a process ended or fell silent.
         """
         goal = [] if self.target is None else ["--goal", f"{self.target[0]:.3f},{self.target[1]:.3f}"]
         bridge = ["--autostart", *goal]
-        with Deployment(self._config, self._common, robot_arguments(self._options), bridge, self._folder) as deployment:
+        robot = robot_arguments(self._options)
+        with (
+            Deployment(self._config, self._common, robot, bridge, self._folder) as deployment,
+            beside(deployment.config),
+        ):
             began = self._wait_for_start(deployment, stop)
             due = began
             while not stop.is_set():

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from common import palette
 from common.errors import CheckpointError, ConfigError
 from common.system.extras import optional
 from learner.run.episodes import read_episodes
@@ -94,16 +95,17 @@ def plot_run(
     figure = Figure(figsize=(8.0, 5.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
     for curve, style in (
-        (training, {"color": "#9ecae1", "label": "training, sampled actions", "marker": ""}),
+        (training, {"color": palette.CURVE_BEHIND.light, "label": "training, sampled actions", "marker": ""}),
         (evaluation, {}),
     ):
-        label = {"color": "#08519c", "marker": "o", "markersize": 3, "label": "validation worlds, greedy"} | style
+        label = {"color": palette.CURVE.light, "marker": "o", "markersize": 3} | style
+        label.setdefault("label", "validation worlds, greedy")
         along = curve.minutes if over == "minutes" else curve.updates
         if len(along):
             above.plot(along, curve.distance, **label)
             below.plot(along, 100.0 * curve.success, **label)
     for i, (name, metres) in enumerate(lines.items()):
-        above.axhline(metres, color="#777777", linestyle=["--", ":", "-."][i % 3], linewidth=1.0)
+        above.axhline(metres, color=palette.YARDSTICK.light, linestyle=["--", ":", "-."][i % 3], linewidth=1.0)
         above.annotate(
             f"{name} {metres:.0f} m", (1.0, metres), xycoords=("axes fraction", "data"), ha="right", va="bottom"
         )

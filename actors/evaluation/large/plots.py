@@ -12,6 +12,7 @@ from actors.evaluation.large.results import LargeEpisode, LargeResults
 from actors.evaluation.plots import CURVE_POINTS, panels, save
 from actors.evaluation.results import ResultsError
 from actors.maps.grid_map import GridMap
+from common import palette
 
 # Columns of `LargeEpisode.curve`.
 TIME, DISTANCE, VOLUME = 0, 1, 2
@@ -51,7 +52,7 @@ def plot_tracks(found: Sequence[LargeResults], map_name: str, world: GridMap, pa
         ax.scatter(track[:, 1], track[:, 2], c=track[:, 0], cmap="viridis", s=1.2, linewidths=0)
         ax.scatter(*track[0, 1:3], marker="o", s=40, facecolor="none", edgecolor="black", label="start")
         for number, leg in enumerate(episode.legs, 1):
-            colour = "#1b7f3b" if leg.success else "#b3261e"
+            colour = (palette.GOOD if leg.success else palette.FAULT).light
             ax.scatter(*leg.target, marker="*", s=60, color=colour, zorder=4)
             ax.annotate(str(number), leg.target, fontsize=8, color=colour, xytext=(3, 3), textcoords="offset points")
         state = "" if episode.success else ", failed"

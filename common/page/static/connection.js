@@ -170,8 +170,11 @@ export class Connection {
   }
 
   _checkSilence() {
-    // A connection that says nothing is as good as none; what is on the page would be a lie.
-    if (this.open && this.silence > SILENT_MS) {
+    // A connection that says nothing is as good as none; what is on the page would be a lie. A browser that was busy
+    // itself has the news still before it.
+    const now = performance.now(), late = now - (this._checked ?? now) > 2500;
+    this._checked = now;
+    if (!late && this.open && this.silence > SILENT_MS) {
       this._socket.close();
       this._lost("the page's process is silent");
     }

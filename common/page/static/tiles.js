@@ -41,7 +41,7 @@ export class TilePicture {
     this.tiles = new Map();
     this.resolution = 0;
     this.anchor = [0, 0];
-    this.box = null;
+    this._box = null;
   }
 
   take(frame) {
@@ -52,15 +52,21 @@ export class TilePicture {
       const key = `${row},${column}`;
       const tile = this.tiles.get(key) ?? { row, column, canvas: null };
       tile.cells = cells;
+      tile.known = knownCells(cells);
       tile.stale = true;
       this.tiles.set(key, tile);
     }
-    this.box = this._knownBox();
+    this._box = null;
   }
 
   /** The colours changed: paint everything anew when it is drawn next. */
   repaint() {
     for (const tile of this.tiles.values()) tile.stale = true;
+  }
+
+  /** The box [left, low, right, high] of all that is known, metres; null while nothing is. */
+  get box() {
+    return (this._box ??= this._knownBox());
   }
 
   /** Draw into a context whose units are metres with y up; colours are [r, g, b] by state. */
@@ -88,16 +94,29 @@ export class TilePicture {
 
   _knownBox() {
     let box = null;
-    for (const { row, column, cells } of this.tiles.values()) {
-      if (!cells.some((cell) => cell !== UNKNOWN)) continue;
-      const metres = SIDE * this.resolution;
-      const x = this.anchor[0] + column * metres, y = this.anchor[1] + row * metres;
-      box = box
-        ? [Math.min(box[0], x), Math.min(box[1], y), Math.max(box[2], x + metres), Math.max(box[3], y + metres)]
-        : [x, y, x + metres, y + metres];
+    for (const { row, column, known } of this.tiles.values()) {
+      if (!known) continue;
+      const x = (cells) => this.anchor[0] + (column * SIDE + cells) * this.resolution;
+      const y = (cells) => this.anchor[1] + (row * SIDE + cells) * this.resolution;
+      const here = [x(known[0]), y(known[1]), x(known[2]), y(known[3])];
+      box = box ? [...[0, 1].map((i) => Math.min(box[i], here[i])), ...[2, 3].map((i) => Math.max(box[i], here[i]))] : here;
     }
     return box;
   }
+}
+
+/** The box [left, low, right, high] of the cells of a tile that are known, null without any. */
+function knownCells(cells) {
+  let left = SIDE, low = SIDE, right = 0, high = 0;
+  cells.forEach((cell, i) => {
+    if (cell === UNKNOWN) return;
+    const column = i % SIDE, row = (i - column) / SIDE;
+    left = Math.min(left, column);
+    right = Math.max(right, column + 1);
+    low = Math.min(low, row);
+    high = Math.max(high, row + 1);
+  });
+  return high ? [left, low, right, high] : null;
 }
 
 function paint(tile, colours) {

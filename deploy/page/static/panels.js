@@ -34,7 +34,7 @@ export function showTask(list, status) {
     ["Target", place(status.target)],
     ["Frontiers", `${number(status.frontiers, "", 0)} cells`],
     ["Graph", `${status.viewpoints} viewpoints, ${status.beacons} beacons`],
-    ["Left alone", status.bans ? `${status.bans} places` : ""],
+    ["Left alone", status.bans ? `${status.bans} ${status.bans === 1 ? "place" : "places"}` : ""],
     ["Not seen", unseen && unseen.metres !== undefined ? number(unseen.metres, "m", 1) : ""],
   ]);
 }

@@ -89,7 +89,7 @@ function showDeck(status) {
   else if (silent) [tone, word, reason] = ["fault", "No signal", `last: ${status.state}, ${status.reason}`];
   else if (status.emergency_stop) [tone, word, reason] = ["stopped", "Stopped", status.gate_reason || status.reason];
   $("deck").className = `deck ${tone}`;
-  setText($("state"), word);
+  setText($("state"), word.charAt(0).toUpperCase() + word.slice(1));
   setText($("reason"), reason);
   const stopped = status?.emergency_stop === true, several = robots().length > 1;
   setText($("stop-word"), stopped ? "STOPPED" : several ? "STOP ALL" : "STOP");
@@ -97,7 +97,7 @@ function showDeck(status) {
   $("stop").setAttribute("aria-label", several ? "Emergency stop of all robots" : "Emergency stop");
   $("stop").hidden = replaying();
   $("release").hidden = !stopped || replaying();
-  document.title = `${word || "Robots"}${selected ? ` · ${selected}` : ""} · HDPlanner`;
+  document.title = `${$("state").textContent || "Robots"}${selected ? ` · ${selected}` : ""} · HDPlanner`;
 }
 
 function showTabs() {
@@ -110,7 +110,7 @@ function showTabs() {
   }
   for (const tab of $("tabs").children) {
     const status = connection.values.get(`robot/${tab.dataset.name}/status`);
-    const silent = known.find(({ name }) => name === tab.dataset.name)?.silent;
+    const silent = !connection.open || known.find(({ name }) => name === tab.dataset.name)?.silent;
     tab.setAttribute("aria-selected", String(tab.dataset.name === selected));
     const stopped = status?.emergency_stop;
     tab.lastChild.className = `badge ${silent || stopped ? "fault" : TONES[status?.state] ?? ""}`;

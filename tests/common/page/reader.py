@@ -63,12 +63,14 @@ class Reader:
         self.number = 0
         self.parts = ExitStack()
         url = address.replace("http", "ws") + "ws"
-        self.socket = self.parts.enter_context(connect(url, origin=origin, max_size=1 << 24, close_timeout=0.5))
-        self.hello = json.loads(self.socket.recv(10))
+        self.socket = self.parts.enter_context(
+            connect(url, origin=origin, max_size=1 << 24, open_timeout=60, close_timeout=0.5)
+        )
+        self.hello = json.loads(self.socket.recv(30))
         assert self.hello["type"] == "hello"
         assert self.hello["protocol"] == 1
         self.send(type="hello", protocol=1, token=token)
-        self.welcome = json.loads(self.socket.recv(10))
+        self.welcome = json.loads(self.socket.recv(30))
         self.watch(*channels)
 
     def __enter__(self):

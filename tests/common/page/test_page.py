@@ -163,10 +163,10 @@ def test_a_browser_that_takes_nothing_costs_no_memory(folder):
             return quick.values.get("clock/ticks", {}).get("ticks", 0)
 
         quick.until(lambda: ticks() > 5)
-        before = memory(page._process.pid)
+        before = memory(page.pid)
         start = ticks()
         quick.until(lambda: ticks() > start + 30)
-        assert memory(page._process.pid) - before < 6 << 20
+        assert memory(page.pid) - before < 6 << 20
 
 
 def memory(pid):
@@ -176,9 +176,9 @@ def memory(pid):
 def test_a_page_that_dies_comes_again_at_its_address(folder, monkeypatch):
     monkeypatch.setattr("common.page.process._AGAIN_SECONDS", 0.05)
     with PageProcess(MODULE, PageSettings(0), {"folder": str(folder)}) as page:
-        address, first = page.address, page._process.pid
+        address, first = page.address, page.pid
         os.kill(first, signal.SIGKILL)
-        assert eventually(lambda: page._process.pid != first and fetch(address)[0] == 200)
+        assert eventually(lambda: page.pid != first and fetch(address)[0] == 200)
     with pytest.raises(urllib.error.URLError):
         fetch(address)
 

@@ -12,6 +12,7 @@ pytest.importorskip("PIL", reason="Pillow is not installed")
 
 from actors.evaluation.plots import FREE, OCCUPIED, UNKNOWN
 from actors.maps.grid_map import GridMap
+from common import palette
 from common.geometry import Pose
 from deploy.robot import film
 from deploy.robot.film import HOLD_LAST, STRIP, PackedGrid, Shot, frames
@@ -64,8 +65,8 @@ def test_the_terminals_picture_fits_and_shows_robot_and_waypoint():
     assert len(lines) > 3
     assert all(0 < len(line) <= 20 for line in lines)
     styles = " ".join(str(span.style) for span in text.spans)
-    assert "#1e9e4a" in styles
-    assert "#e07b00" in styles
+    assert palette.ROBOT.dark in styles
+    assert palette.WAYPOINT.dark in styles
 
 
 def test_the_live_view_waits_for_the_first_map():
