@@ -23,6 +23,8 @@ from learner.watch.status import LearnerStatus
 log = logging.getLogger(__name__)
 
 ASK_SECONDS: Final = 1.0
+MAX_ACTORS: Final = 1_000
+"""Actors that are told one by one."""
 _ANSWER_SECONDS: Final = 5.0
 _CHECKPOINT_SECONDS: Final = 65.0
 # A learner with thousands of actors takes long to tell of them: at most this share of its time goes into that.
@@ -75,13 +77,25 @@ class Training(Source):
             self._begun = True
             self._begin(hub)
         status, problem = self._status, self._problem
-        hub.put("run", {"name": self._run, "problem": problem, "silent": self._silence() if problem else 0})
+        alive = [actor.role for actor in status.actors if actor.alive] if status else []
+        hub.put(
+            "run",
+            {
+                "name": self._run,
+                "problem": problem,
+                "silent": self._silence() if problem else 0,
+                "alive": {role: alive.count(role) for role in ("actor", "evaluator")},
+                "gone": len(status.actors) - len(alive) if status else 0,
+            },
+        )
         if status is None:
             return
         if status is not self._shown:
             self._shown = status
             values = status.to_json()
-            hub.put("actors", values.pop("actors"))
+            # Those that are gone or came again first, where there are too many for a browser.
+            told = sorted(values.pop("actors"), key=lambda each: (each["alive"], -each["restarts"]))[:MAX_ACTORS]
+            hub.put("actors", sorted(told, key=lambda each: str(each["name"])))
             hub.put("status", values)
             self._curves.add(hub, self._point(status))
         watcher = self._watcher

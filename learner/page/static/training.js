@@ -114,7 +114,7 @@ function progress(status) {
 /** [name, value, note, share or null, whether the note is a caution] */
 function figures(status) {
   const best = status.best_figures, off = status.ratio_actual / status.ratio_declared;
-  const alive = actors().filter((each) => each.alive), evaluators = alive.filter((each) => each.role === "evaluator").length;
+  const alive = actors().filter((each) => each.alive), { actor: acting, evaluator: evaluators } = value("run").alive;
   const lags = alive.filter((each) => each.version >= 0).map((each) => each.lag);
   return [
     ["Updates", number(status.updates_per_second, "/s", 2), `${number(status.updates, "", 0)} so far`],
@@ -123,7 +123,7 @@ function figures(status) {
     ["Updates per step", status.ratio_actual.toPrecision(3), status.hold ? `actors wait ${number(status.hold, "s", 1)}` : `declared ${Number(status.ratio_declared.toPrecision(4))}`, null, status.hold > 0 || (status.updates > 100 && off < 0.8)],
     ["Best policy", status.best >= 0 ? number(best.distance, "m", 1) : "none yet", status.best >= 0 ? `version ${status.best}, ${number(100 * best.success, "%", 0)} complete` : "no evaluation is complete"],
     ["Newest policy", `version ${Math.max(status.version, 0)}`, lags.length ? `actors up to ${Math.max(...lags)} behind` : ""],
-    ["Actors", `${alive.length - evaluators} alive`, evaluators ? `${evaluators} more evaluate` : "none evaluates"],
+    ["Actors", `${acting} alive`, evaluators ? `${evaluators} more evaluate` : "none evaluates"],
     ["Checkpoint", status.last_checkpoint ? `at ${number(Number(status.last_checkpoint), "", 0)}` : "none yet", `next in ${duration(Math.max(status.next_checkpoint, 0))}`],
   ];
 }
@@ -146,8 +146,8 @@ function showTiles(status) {
 function showTable() {
   const known = actors(), alive = known.filter((each) => each.alive);
   if (!chosen && !alive.some(({ name }) => name === watched)) choose((alive.find(({ role }) => role === "actor") ?? alive[0])?.name ?? watched, false);
-  const gone = known.length - alive.length;
-  setText($("actors-title"), `Actors: ${alive.length} alive${gone ? `, ${gone} gone` : ""}`);
+  const { alive: roles = { actor: 0, evaluator: 0 }, gone = 0 } = value("run") ?? {};
+  setText($("actors-title"), `Actors: ${roles.actor + roles.evaluator} alive${gone ? `, ${gone} gone` : ""}`);
   $("no-actors").hidden = known.length > 0 || !value("status");
   showActors($("actors"), known, watched, (name) => choose(name, true));
   const signature = known.map(({ name, alive: here }) => `${name}${here}`).join();

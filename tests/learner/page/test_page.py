@@ -88,6 +88,8 @@ def test_the_page_tells_what_the_learner_and_its_actors_do(rig):
         assert (status["updates"], status["best_figures"]["distance"], "actors" in status) == (3394, 248.5, False)
         assert (actors["desk-0"]["lag"], actors["desk-0"]["steps_per_second"]) == (2, 61.2)
         assert (actors["desk-1"]["alive"], actors["desk-1"]["restarts"]) == (False, 3)
+        run = reader.values["run"]
+        assert (run["problem"], run["alive"], run["gone"]) == ("", {"actor": 1, "evaluator": 1}, 1)
         row = reader.series["curves/points"][0][-1]
         tags = dict(zip(reader.values["curves/tags"], row[2:], strict=True))
         assert row[1] == 3394
