@@ -75,7 +75,7 @@ def view_of(actor: str, family: str, environment: Environment, driver: Driver, c
     mapper, belief = environment.mapper, environment.mapper.belief
     cells, resolution = _bounded(belief.cells, belief.resolution)
     viewpoints = mapper.viewpoints[:MAX_VIEWPOINTS]
-    kinds, edges, beacons = np.zeros(len(viewpoints), np.uint8), np.empty((0, 2), np.uint16), _NOWHERE
+    kinds, edges, beacons = np.zeros(len(viewpoints), np.int64), np.empty((0, 2), np.int64), _NOWHERE
     if not mapper.stuck:
         seen = mapper.observe()
         kinds = np.where(seen.utility > 0, USEFUL, np.where(seen.visited, VISITED, PLAIN))[: len(viewpoints)]

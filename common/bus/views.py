@@ -6,7 +6,7 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Collection
-from typing import Final
+from typing import Any, Final
 
 import zenoh
 
@@ -70,7 +70,11 @@ class ViewPublisher(Closing):
             self._outcome.undeclare()
 
     def _wanted(self, publisher: zenoh.Publisher) -> bool:
-        return not self._session.is_closed() and bool(publisher.matching_status.matching)
+        if self._session.is_closed():
+            return False
+        # Zenoh's type hints call it a bool.
+        status: Any = publisher.matching_status
+        return bool(status.matching)
 
 
 class ViewWatcher(Closing):

@@ -57,7 +57,8 @@ class Run:
         self.address = re.search(r"page: (http://\S+/)", self.log("learner"))[1]
 
     def start(self, name, *command):
-        environment = os.environ | {"HD_PAGE_TOKEN": TOKEN}
+        others = {name: value for name, value in os.environ.items() if not name.startswith("HD_")}
+        environment = others | {"HD_PAGE_TOKEN": TOKEN}
         with (self.folder / f"{name}.log").open("w") as log:
             self.processes[name] = subprocess.Popen(
                 [sys.executable, "-m", *command], stdout=log, stderr=log, env=environment, cwd=self.folder
