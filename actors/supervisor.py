@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import signal
 import subprocess
 import sys
@@ -29,6 +30,9 @@ LONGEST_PAUSE = 60.0
 HEALTHY_SECONDS = 60.0
 KEPT_LINES = 60
 _LONGEST_ERROR = 250
+# The time, level and logger of a line of an actor's log, and such a line that tells of no error.
+_LOG_HEAD = re.compile(r"[0-9-]+ [0-9:,]+ [A-Z]+ +[\w.]+: ")
+_ALL_WELL = re.compile(r"[0-9-]+ [0-9:,]+ (DEBUG|INFO) ")
 
 
 class _Child:
@@ -68,8 +72,8 @@ class _Child:
             sys.stderr.flush()
 
     def last_error(self) -> str:
-        """Return the last line that tells what went wrong."""
-        said = [line for line in self.lines if line.strip()]
+        """Return the last line that tells what went wrong: of a log, or the end of a traceback."""
+        said = [line for line in self.lines if line.strip() and not _ALL_WELL.match(line)]
         return said[-1] if said else "it said nothing"
 
 
@@ -149,7 +153,7 @@ class Supervisor:
         )
         # It tells the learner about its predecessor, which cannot any more.
         child.options = child.options.model_copy(
-            update={"restarts": child.options.restarts + 1, "last_error": f"{how}: {why}"[:_LONGEST_ERROR]}
+            update={"restarts": child.options.restarts + 1, "last_error": f"{how}: {_LOG_HEAD.sub('', why)}"[:_LONGEST_ERROR]}
         )
         return False
 
