@@ -24,29 +24,34 @@ attachShell(connection, $("tools"));
 let watched = new URLSearchParams(location.search).get("actor") ?? "";
 let chosen = Boolean(watched);
 let visible = true;
-const picture = new TilePicture();
+// By actor: the page's process goes on where it was with one that is looked at again.
+const pictures = new Map();
 const map = new MapView($("map"), drawMap);
 const plots = new Plots($);
 $("legend").append(...episodeLegend());
 
 const value = (name) => connection.values.get(name);
 const actors = () => value("actors") ?? [];
+const picture = () => pictures.get(watched);
 const view = () => value(`actor/${watched}/view`);
 
 // ---- what comes
 
 connection.on("hello", () => {
-  picture.clear();
+  pictures.clear();
   forgetPictures();
+});
+connection.on("gone", (name) => {
+  const [kind, actor, what] = name.split("/");
+  if (kind === "actor" && what === "belief") pictures.delete(actor);
 });
 connection.on("tiles", (frame) => {
   const [kind, name] = frame.name.split("/");
   if (kind === "world") takeWorldTiles(Number(name), frame);
-  else if (name === watched) {
-    picture.take(frame);
-    const box = knownBox(picture);
-    if (box) map.fit(box);
-    map.redraw();
+  else {
+    if (!pictures.has(name)) pictures.set(name, new TilePicture());
+    pictures.get(name).take(frame);
+    if (name === watched) fit();
   }
 });
 connection.on("values", (name, found) => {
@@ -69,7 +74,7 @@ connection.on("news", () => {
 });
 connection.on("state", () => showAll());
 onScheme(() => {
-  picture.repaint();
+  for (const each of pictures.values()) each.repaint();
   map.redraw();
   repaintWorlds();
 });
@@ -181,8 +186,15 @@ function showEvaluations(worlds) {
 
 // ---- the map
 
+/** Keep all that is known in sight. */
+function fit() {
+  const box = picture() && knownBox(picture());
+  if (box) map.fit(box);
+  map.redraw();
+}
+
 function drawMap(context, shown) {
-  drawEpisode(context, shown.pixel, picture, view());
+  if (picture()) drawEpisode(context, shown.pixel, picture(), view());
   const { metres, pixels } = shown.bar(80);
   setText($("scale-text"), metres < 1 ? `${metres * 100}\u202fcm` : `${metres}\u202fm`);
   $("scale-bar").style.width = `${pixels}px`;
@@ -194,8 +206,8 @@ function choose(name, byHand) {
   chosen = chosen || byHand;
   if (name === watched) return;
   watched = name;
-  picture.clear();
   map.follow();
+  fit();
   look();
   showAll();
 }
@@ -203,7 +215,6 @@ function choose(name, byHand) {
 /** Ask for the episode only while it is on the screen: the actor pays for it. */
 function look() {
   const looks = watched && visible && document.visibilityState === "visible";
-  if (!looks) picture.clear();
   connection.watch(looks ? [...BASE, `actor/${watched}/*`] : BASE);
 }
 
