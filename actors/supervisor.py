@@ -153,7 +153,10 @@ class Supervisor:
         )
         # It tells the learner about its predecessor, which cannot any more.
         child.options = child.options.model_copy(
-            update={"restarts": child.options.restarts + 1, "last_error": f"{how}: {_LOG_HEAD.sub('', why)}"[:_LONGEST_ERROR]}
+            update={
+                "restarts": child.options.restarts + 1,
+                "last_error": f"{how}: {_LOG_HEAD.sub('', why)}"[:_LONGEST_ERROR],
+            }
         )
         return False
 

@@ -10,8 +10,8 @@ from common.page.hub import Hub
 
 MAX_POINTS: Final = 1_000
 """Points of a curve; beyond twice as many every second one goes."""
-TAGS: Final = "curves/tags"
-POINTS: Final = "curves/points"
+TAGS: Final = "curve-tags"
+POINTS: Final = "curve-points"
 _MAX_TAGS: Final = 100
 
 

@@ -10,7 +10,7 @@ import { drawEpisode, episodeLegend } from "./episode.js";
 import { forgetPictures, knownBox, repaintWorlds, showWorlds, takeWorldTiles, takeWorldView } from "./evaluations.js";
 import { Plots } from "./plots.js";
 
-const BASE = ["run", "status", "actors", "curves/*", "evaluations", "world/*"];
+const BASE = ["run", "status", "actors", "curve-*", "evaluations", "world/*"];
 const TONES = { training: "busy", cloning: "busy", complete: "good", collecting: "busy", waiting: "caution", paused: "caution", stopping: "caution", "disk full": "fault", held: "fault" };
 const WORDS = {
   collecting: "collecting the first experience", waiting: "waiting for experience: no actor delivers enough",
@@ -57,11 +57,11 @@ connection.on("tiles", (frame) => {
 connection.on("values", (name, found) => {
   const [kind, id, what] = name.split("/");
   if (name === "evaluations") showEvaluations(found);
-  else if (name === "curves/tags") plots.setTags(found);
+  else if (name === "curve-tags") plots.setTags(found);
   else if (kind === "world" && what === "view") takeWorldView(Number(id), found);
 });
 connection.on("series", (name, items) => {
-  if (name === "curves/points") plots.setRows(items);
+  if (name === "curve-points") plots.setRows(items);
 });
 let due = false;
 connection.on("news", () => {

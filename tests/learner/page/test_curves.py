@@ -7,10 +7,10 @@ from learner.page.curves import MAX_POINTS, CurveChannels, Point
 
 def shown(hub):
     view = hub.join()
-    view.watch(["curves/*"])
+    view.watch(["curve-*"])
     found = json.loads(hub.collect(view)[0])
     hub.leave(view)
-    return found["values"]["curves/tags"], found["series"]["curves/points"]["items"]
+    return found["values"]["curve-tags"], found["series"]["curve-points"]["items"]
 
 
 def point(updates, **values):

@@ -81,8 +81,8 @@ def acting(bus, role, name, **changes):
 
 def test_the_page_tells_what_the_learner_and_its_actors_do(rig):
     _, learner, page = rig
-    with Reader(page.address, channels=["run", "status", "actors", "curves/*"]) as reader:
-        reader.until(lambda: "actors" in reader.values and "curves/points" in reader.series)
+    with Reader(page.address, channels=["run", "status", "actors", "curve-*"]) as reader:
+        reader.until(lambda: "actors" in reader.values and "curve-points" in reader.series)
         assert reader.hello["page"] == "training"
         status, actors = reader.values["status"], {actor["name"]: actor for actor in reader.values["actors"]}
         assert (status["updates"], status["best_figures"]["distance"], "actors" in status) == (3394, 248.5, False)
@@ -90,8 +90,8 @@ def test_the_page_tells_what_the_learner_and_its_actors_do(rig):
         assert (actors["desk-1"]["alive"], actors["desk-1"]["restarts"]) == (False, 3)
         run = reader.values["run"]
         assert (run["problem"], run["alive"], run["gone"]) == ("", {"actor": 1, "evaluator": 1}, 1)
-        row = reader.series["curves/points"][0][-1]
-        tags = dict(zip(reader.values["curves/tags"], row[2:], strict=True))
+        row = reader.series["curve-points"][0][-1]
+        tags = dict(zip(reader.values["curve-tags"], row[2:], strict=True))
         assert row[1] == 3394
         assert (tags["episode_train/distance"], tags["evaluation/distance"], tags["loss/policy"]) == (
             251.3,
