@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from actors.arena import Arena, Stage
 from actors.driver import Driver, ExpertDriver, PolicyDriver
-from actors.episode import Role, run_episode
+from actors.episode import Role, Spectator, run_episode
 from actors.maps.sources import recommended
 from actors.simulators.factory import make_simulator, simulator_label
 from actors.transition_recorder import TransitionRecorder
@@ -45,6 +46,7 @@ class Collector:
         role: `train`: sampled actions in training worlds, with chunks; `evaluate`: greedy actions in the
             validation worlds, reports only.
         gui: open PyBullet's window.
+        spectator: sees every decision and every end.
     """
 
     def __init__(
@@ -55,12 +57,14 @@ class Collector:
         *,
         role: str = "train",
         gui: bool = False,
+        spectator: Spectator = lambda *_: None,
     ) -> None:
         self.config = config
         self.policy = Policy.from_config(config.network)
         self.steps = 0
         self.episodes = 0
         self._deliver = deliver
+        self._spectator = spectator
         self._rng = np.random.default_rng(seed)
         self._updates = 0
         evaluate = role == "evaluate"
@@ -176,6 +180,7 @@ class Collector:
             label=label,
             family=arena.number,
             keep_on=counted,
+            look=partial(self._spectator, arena.family),
         )
         if report is not None:
             report = replace(report, family=arena.family, classical_distance=classical)

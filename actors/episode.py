@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
-from actors.driver import Driver
+from actors.driver import Choice, Driver
 from actors.environment import Environment
 from actors.maps.grid_map import GridMap
 from actors.transition_recorder import TransitionRecorder
@@ -27,6 +28,14 @@ class Role:
     simulator: str
 
 
+class Spectator(Protocol):
+    """Whoever looks at episodes; what it does is no part of them."""
+
+    def __call__(self, family: str, environment: Environment, driver: Driver, choice: Choice | None) -> None:
+        """See a decision before it is carried out, or, without a choice, how an episode ended."""
+        ...
+
+
 def run_episode(
     environment: Environment,
     world: GridMap,
@@ -38,6 +47,7 @@ def run_episode(
     label: bool = False,
     family: int = 0,
     keep_on: Callable[[], bool] = lambda: True,
+    look: Callable[[Environment, Driver, Choice | None], None] = lambda *_: None,
 ) -> EpisodeReport | None:
     """Run one episode.
 
@@ -51,6 +61,7 @@ def run_episode(
         label: let the privileged expert judge every decision, for imitation.
         family: number of the world's family, which its chunks carry.
         keep_on: asked before every decision; False breaks the episode off.
+        look: sees every decision, and the end; see `Spectator`.
 
     Returns:
         The report, or None when the episode was broken off.
@@ -67,10 +78,12 @@ def run_episode(
             return None
         expert_label = environment.expert_label() if label else None
         choice = driver.choose(observation, environment)
+        look(environment, driver, choice)
         step = environment.step(choice.beacon, choice.waypoint)
         if recorder is not None:
             recorder.add(observation, choice, expert_label, step)
         observation = step.observation
+    look(environment, driver, None)
     return EpisodeReport(
         task=environment.goal.task.name,
         map_name=printable(world.name)[:256],

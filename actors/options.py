@@ -39,6 +39,8 @@ class ActorOptions(BaseModel):
         log_level: of this process.
         metrics: host and port on which it serves its figures for Prometheus; None for none.
         parent: process number of the supervisor; the actor ends when that does. 0 for none.
+        restarts: how often the supervisor started it again after it had ended by itself.
+        last_error: why it ended the last time, one line.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -55,6 +57,8 @@ class ActorOptions(BaseModel):
     log_level: str | None = None
     metrics: tuple[str, int] | None = None
     parent: int = 0
+    restarts: int = 0
+    last_error: str = ""
 
     @property
     def role(self) -> Literal["actor", "evaluator"]:

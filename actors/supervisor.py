@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import signal
 import subprocess
 import sys
@@ -28,6 +29,10 @@ LONGEST_PAUSE = 60.0
 # An actor that ran this long is healthy: its next crash counts as the first.
 HEALTHY_SECONDS = 60.0
 KEPT_LINES = 60
+_LONGEST_ERROR = 250
+# The time, level and logger of a line of an actor's log, and such a line that tells of no error.
+_LOG_HEAD = re.compile(r"[0-9-]+ [0-9:,]+ [A-Z]+ +[\w.]+: ")
+_ALL_WELL = re.compile(r"[0-9-]+ [0-9:,]+ (DEBUG|INFO) ")
 
 
 class _Child:
@@ -67,8 +72,8 @@ class _Child:
             sys.stderr.flush()
 
     def last_error(self) -> str:
-        """Return the last line that tells what went wrong."""
-        said = [line for line in self.lines if line.strip()]
+        """Return the last line that tells what went wrong: of a log, or the end of a traceback."""
+        said = [line for line in self.lines if line.strip() and not _ALL_WELL.match(line)]
         return said[-1] if said else "it said nothing"
 
 
@@ -137,13 +142,21 @@ class Supervisor:
         child.crashes = 1 if ran >= HEALTHY_SECONDS else child.crashes + 1
         pause = min(FIRST_PAUSE * 2.0 ** (child.crashes - 1), LONGEST_PAUSE)
         child.due = now + pause
+        how, why = _how_it_ended(code), child.last_error()
         log.error(
             "%s %s after %.0f s, starting it again in %.0f s. Its last error: %s",
             child.options.name,
-            _how_it_ended(code),
+            how,
             ran,
             pause,
-            child.last_error(),
+            why,
+        )
+        # It tells the learner about its predecessor, which cannot any more.
+        child.options = child.options.model_copy(
+            update={
+                "restarts": child.options.restarts + 1,
+                "last_error": f"{how}: {_LOG_HEAD.sub('', why)}"[:_LONGEST_ERROR],
+            }
         )
         return False
 

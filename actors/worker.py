@@ -14,11 +14,13 @@ import zenoh
 
 from actors.collector import Collector
 from actors.options import ActorOptions
+from actors.spectators import Spectators
 from common.bus.experience import ExperienceSender
 from common.bus.liveness import declare_presence
 from common.bus.session import open_client_session
 from common.bus.spec import fetch_spec
 from common.bus.stats import publish_stats
+from common.bus.views import ViewPublisher
 from common.bus.weights import WeightsPuller
 from common.errors import BusError
 from common.messages.experience import Chunk, EpisodeReport
@@ -118,6 +120,7 @@ class Worker:
                 averaged=options.evaluate,
                 shapes=parameter_shapes(config.network),
             ) as puller,
+            ViewPublisher(session, options.run, options.role, options.name) as views,
         ):
 
             def deliver(body: Chunk | EpisodeReport) -> None:
@@ -130,6 +133,7 @@ class Worker:
                 deliver,
                 role="evaluate" if options.evaluate else "train",
                 gui=options.gui,
+                spectator=Spectators(options.name, views),
             )
             log.info(
                 "joined run %r: %s in %s, %s",
@@ -250,6 +254,8 @@ class _Teller:
             version_age=parts.puller.age,
             buffered=parts.sender.pending,
             state=self._worker.state,
+            restarts=options.restarts,
+            last_error=options.last_error,
         )
         self._worker.stats = stats
         if not self._session.is_closed():

@@ -23,6 +23,8 @@ OPERATOR = "operator"
 """Certificate of people: `hd-learner status`, `pause`, `stop` from another machine."""
 _LOOPBACK = ("127.0.0.1", "localhost")
 _VALID_DAYS = 730
+_SEEN = ("view", "outcome")
+_VIEWS = [f"hd/*/{what}/**" for what in _SEEN]
 
 
 def write_pki(folder: Path, hosts: Sequence[str], actors: Sequence[str], robots: Sequence[str]) -> list[Path]:
@@ -107,6 +109,10 @@ def access_rules(actors: Sequence[str], robots: Sequence[str]) -> dict[str, Any]
         _rule("command-answering", "egress", ["declare_queryable"], ["hd/*/control/*"]),
         _rule("stats-subscribe", "ingress", ["declare_subscriber"], ["hd/*/stats/**"]),
         _rule("stats-see", "egress", ["put"], ["hd/*/stats/**"]),
+        # An actor sends what it sees only where it knows of a subscriber.
+        _rule("views-wanted", "egress", ["declare_subscriber"], _VIEWS),
+        _rule("views-subscribe", "ingress", ["declare_subscriber"], _VIEWS),
+        _rule("views-see", "egress", ["put"], _VIEWS),
         {
             "id": "everything",
             "permission": "allow",
@@ -119,7 +125,10 @@ def access_rules(actors: Sequence[str], robots: Sequence[str]) -> dict[str, Any]
     policies: list[dict[str, Any]] = [
         {"rules": shared, "subjects": everyone},
         {
-            "rules": ["command", "command-answer", "command-answering", "stats-subscribe", "stats-see"],
+            "rules": [
+                *("command", "command-answer", "command-answering"),
+                *("stats-subscribe", "stats-see", "views-subscribe", "views-see"),
+            ],
             "subjects": [OPERATOR],
         },
         # Other routers of a mesh show the learner's certificate.
@@ -131,14 +140,21 @@ def access_rules(actors: Sequence[str], robots: Sequence[str]) -> dict[str, Any]
             _rule(f"{name}-deliver", "ingress", ["query"], [f"hd/*/experience/{own}" for own in mine]),
             _rule(f"{name}-acks", "egress", ["reply"], [f"hd/*/experience/{own}" for own in mine]),
             *_own_rules(name, mine, ("actor", "evaluator")),
+            _rule(
+                f"{name}-views",
+                "ingress",
+                ["put"],
+                [f"hd/*/{what}/{role}/{own}" for what in _SEEN for role in ("actor", "evaluator") for own in mine],
+            ),
         ]
         policies.append(
             {
                 "rules": [
-                    *(f"{name}-{what}" for what in ("deliver", "acks", "live", "stats")),
+                    *(f"{name}-{what}" for what in ("deliver", "acks", "live", "stats", "views")),
                     "deliver-answering",
                     "stats-wanted",
                     "live-wanted",
+                    "views-wanted",
                 ],
                 "subjects": [name],
             }

@@ -18,11 +18,14 @@ from common.config.describe import to_markdown, to_toml
 from common.config.load import load_config, preset_names
 from common.errors import ConfigError, StorageError
 from common.extensions import SIMULATORS
+from common.page.options import PageOption, PageSettings, TokenOption, page_settings
+from common.system.extras import optional
 from common.system.logs import log_file, setup_logging
 from common.system.metrics_server import metrics_address
 from common.system.runtime import restart_prepared
 from learner.files_cli import RUNS, RunName, RunsFolder, add_file_commands
 from learner.map_check import check_maps
+from learner.page.cli import page as page_command
 from learner.remote_cli import add_remote_commands
 from learner.router_cli import router
 
@@ -96,6 +99,8 @@ def start(
     sim: Simulator = None,
     serial: Serial = False,
     maps_elsewhere: MapsElsewhere = False,
+    page: PageOption = None,
+    page_token: TokenOption = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Delete a run of the same name first.")] = False,
     runs: RunsFolder = RUNS,
     log_level: LogLevel = None,
@@ -107,11 +112,15 @@ def start(
 
     - `hd-learner start --run office --preset workstation --set maps.train=generator:office`
 
+    - `hd-learner start --actors 2 --evaluators 1 --page 8080` shows all of it in a browser as well.
+
     - `hd-learner start --listen tcp/0.0.0.0:7447` waits for `hd-actor --connect tcp/HOST:7447` on other machines.
     """
     restart_prepared()
     resolved = load_config(config, _all_overrides(overrides, run, listen, sim), os.environ, preset)
-    options = RunOptions(actors, evaluators, learners, metrics, serial, maps_elsewhere, log_level)
+    options = RunOptions(
+        actors, evaluators, learners, metrics, serial, maps_elsewhere, log_level, _page(page, page_token)
+    )
     _run(resolved, runs, options, resume=False, overwrite=overwrite)
 
 
@@ -134,6 +143,8 @@ def resume(
             "--from", help="Fetch the run first: folder of runs at a URL (checkpoints.mirror).", metavar="URL"
         ),
     ] = None,
+    page: PageOption = None,
+    page_token: TokenOption = None,
     runs: RunsFolder = RUNS,
     log_level: LogLevel = None,
 ) -> None:
@@ -158,7 +169,9 @@ def resume(
     resolved = load_config(runs / name / "config.json", _all_overrides(overrides, None, listen, sim), os.environ)
     if resolved.name != name:
         raise ConfigError(f"run {name!r} cannot be renamed to {resolved.name!r}: leave HD_NAME and --set name out")
-    options = RunOptions(actors, evaluators, learners, metrics, serial, maps_elsewhere, log_level)
+    options = RunOptions(
+        actors, evaluators, learners, metrics, serial, maps_elsewhere, log_level, _page(page, page_token)
+    )
     _run(resolved, runs, options, resume=True, overwrite=False)
 
 
@@ -201,6 +214,7 @@ class RunOptions:
     serial: bool
     maps_elsewhere: bool
     log_level: str | None
+    page: PageSettings | None
 
 
 def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, overwrite: bool) -> None:
@@ -211,6 +225,8 @@ def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, ov
     if options.serial and options.metrics is not None:
         raise ConfigError("--metrics tells of a run on the bus: leave it out with --serial")
     address = None if options.metrics is None else metrics_address(options.metrics)
+    if options.serial and options.page:
+        raise ConfigError("--serial has no network, which the page reads: leave --page out")
     console = message_console()
     setup_logging(options.log_level, console=console if console.is_terminal else None)
     check_maps(config, elsewhere=options.maps_elsewhere)
@@ -232,8 +248,21 @@ def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, ov
         if options.serial:
             run_serial(folder, console, resume=resume)
         else:
-            companions = Companions(options.actors, options.evaluators, options.learners, metrics=address)
+            companions = Companions(
+                options.actors, options.evaluators, options.learners, metrics=address, page=options.page
+            )
             run_learner(folder, companions, console, resume=resume)
+
+
+def _page(address: str | None, token: Path | None) -> PageSettings | None:
+    """Return how the page is served; None without one."""
+    if address is None:
+        return None
+    with optional("--page", "page"):
+        import starlette  # noqa: F401 - asked for here: a run that lacks it should not begin
+        import uvicorn  # noqa: F401
+        import websockets  # noqa: F401
+    return page_settings(address, token)
 
 
 @contextmanager
@@ -256,6 +285,7 @@ add_version(app)
 add_file_commands(app)
 add_remote_commands(app)
 app.command()(router)
+app.command("page")(page_command)
 
 
 def main() -> None:

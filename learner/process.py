@@ -22,6 +22,7 @@ from common.config.names import module_names
 from common.errors import BusError
 from common.messages.replies import Spec
 from common.messages.weights import Weights
+from common.page.options import PageSettings, announcement
 from common.system.closing import Closing
 from common.system.metrics_server import MetricsServer
 from common.system.runtime import cores_left, limit_threads
@@ -32,6 +33,7 @@ from learner.algorithm.device import choose_device
 from learner.control import Control
 from learner.local_actors import LOCAL, LocalActors
 from learner.loop import train
+from learner.page.process import start_page
 from learner.ranks.team import open_learner
 from learner.rivals import Rivals
 from learner.run.folder import RunFolder
@@ -60,6 +62,7 @@ class Companions:
         learners: processes that share each update, the learner's own among them.
         options: further options of `hd-actor`.
         metrics: host and port on which the learner serves its figures for Prometheus; None for none.
+        page: how to serve the page; None without one.
     """
 
     actors: int = 0
@@ -67,6 +70,7 @@ class Companions:
     learners: int = 1
     options: tuple[str, ...] = ()
     metrics: tuple[str, int] | None = None
+    page: PageSettings | None = None
 
 
 class Link(Closing):
@@ -145,7 +149,7 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
 
     Args:
         run: the run's folder.
-        companions: processes to start beside it.
+        companions: actors to start beside it, and the page.
         console: shared by log and view.
         resume: continue from its newest checkpoint.
 
@@ -188,6 +192,10 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
         logger.info("run %s listens on %s", config.name, config.bus.listen)
         if companions.metrics is not None:
             stack.enter_context(MetricsServer(companions.metrics, lambda: learner_figures(link.status())))
+        if companions.page is not None:
+            page = stack.enter_context(start_page(companions.page, config, run.path))
+            # Not into the log, which others may read: it holds the token.
+            console.print(announcement(page.address, companions.page), highlight=False, soft_wrap=True)
         for local in _local_actors(run, companions):
             stack.enter_context(local)
         stack.enter_context(View(link.status, console))

@@ -11,12 +11,10 @@ from typing import Annotated
 import typer
 import zenoh
 
-from common.bus.control import request
 from common.bus.session import open_client_session
-from common.bus.spec import list_runs
 from common.cli import command_errors, output_console
 from common.config.load import load_config
-from common.errors import BusError, MessageError
+from learner.watch.asking import ask_learner, only_run
 from learner.watch.status import LearnerStatus
 from learner.watch.view import render
 
@@ -114,19 +112,7 @@ def unpause(run: RunName = None, connect: Connect = None, overrides: Overrides =
 def _ask(verb: str, run: str | None, connect: str | None, overrides: list[str] | None, timeout: float) -> LearnerStatus:
     """Send one command and return the learner's status after it."""
     with _session(connect, overrides) as session:
-        name = run or _only_run(session, timeout)
-        body = request(session, name, verb, timeout)
-        actors, last = list(body.get("actors", [])), ""
-        while verb == "status" and (after := body.get("next")) and after > last:
-            # A learner with thousands of actors tells of them page by page.
-            last = after
-            body = request(session, name, verb, timeout, {"after": after})
-            actors += body.get("actors", [])
-        body["actors"] = actors
-    try:
-        return LearnerStatus.from_json(body)
-    except (KeyError, TypeError) as error:
-        raise MessageError("control_reply.body", f"is from another release ({error}): install the same one") from None
+        return ask_learner(session, run or only_run(session, timeout), verb, timeout)
 
 
 @contextmanager
@@ -134,12 +120,3 @@ def _session(connect: str | None, overrides: list[str] | None) -> Iterator[zenoh
     bus = load_config(None, overrides or (), os.environ).bus
     with open_client_session(bus, [connect] if connect else None) as session:
         yield session
-
-
-def _only_run(session: zenoh.Session, timeout: float) -> str:
-    specs = list_runs(session, timeout)
-    if not specs:
-        raise BusError("no learner answers: check that one is running, and give its endpoint with --connect")
-    if len(specs) > 1:
-        raise BusError(f"several runs are live, choose one with --run: {', '.join(spec.run for spec in specs)}")
-    return specs[0].run

@@ -75,6 +75,19 @@ class Keys:
         """Statistics of all processes."""
         return f"hd/{self.run}/stats/*/*"
 
+    def view(self, role: str, name: str) -> str:
+        """What an actor's episode looks like now, for whoever looks."""
+        return f"hd/{self.run}/view/{_role(role)}/{_checked(name, f'the name of a process ({role})')}"
+
+    def outcome(self, role: str, name: str) -> str:
+        """What an evaluator's episodes looked like when they ended."""
+        return f"hd/{self.run}/outcome/{_role(role)}/{_checked(name, f'the name of a process ({role})')}"
+
+    @property
+    def all_outcomes(self) -> str:
+        """Ends of all episodes of evaluation."""
+        return f"hd/{self.run}/outcome/evaluator/*"
+
     def control(self, verb: str) -> str:
         """Commands to the learner, or to the robot of this name."""
         if verb not in ALL_VERBS:

@@ -31,6 +31,8 @@ MAX_PENDING = 4_000
 """Connections that may be about to become sessions."""
 ACCEPT_SECONDS = 3.0
 """For them to do so."""
+VIEWER_SECONDS = 3.0
+"""For whoever looks at actors to reach the learner."""
 MAX_FILES = 65_536
 
 
@@ -137,6 +139,28 @@ def open_client_session(config: BusConfig, connect: Iterable[str] | None = None)
         return zenoh.open(_zenoh_config(settings))
     except zenoh.ZError as error:
         raise BusError(f"cannot open a session to {', '.join(endpoints)}: {reason(error)}") from None
+
+
+def open_viewer_session(config: BusConfig, connect: Iterable[str] | None = None) -> zenoh.Session:
+    """Open the session of somebody who looks at what actors send.
+
+    A router passes nothing on from one peer to another, since peers that know of each other would talk directly; from a
+    peer to a client it does. A client needs its learner: open this once that has answered.
+
+    Args:
+        config: lease and TLS files.
+        connect: endpoints of the learner or of routers; the learner's own `listen` and `connect` when not given.
+
+    Raises:
+        BusError: nobody can be reached in time, an endpoint is malformed, or a file is missing.
+    """
+    endpoints = [config.listen, *config.connect] if connect is None else list(connect)
+    settings = _settings(config, "client", [], endpoints)
+    settings["connect"] |= {"timeout_ms": int(VIEWER_SECONDS * 1000), "exit_on_failure": True}
+    try:
+        return zenoh.open(_zenoh_config(settings))
+    except zenoh.ZError as error:
+        raise BusError(f"cannot look at the actors of {', '.join(endpoints)}: {error}") from None
 
 
 def _endpoint(text: str, config: BusConfig) -> str:

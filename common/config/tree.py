@@ -24,7 +24,7 @@ from common.system.documents import DocumentError, parse_json, parse_toml, read_
 M = TypeVar("M", bound=BaseModel)
 
 # Variables beginning with HD_ that are settings of a process, of whatever kind, and not of a tree.
-RESERVED_VARIABLES = frozenset({"HD_LOG_LEVEL", "HD_PROCESS_PREPARED"})
+RESERVED_VARIABLES = frozenset({"HD_LOG_LEVEL", "HD_PAGE_TOKEN", "HD_PROCESS_PREPARED"})
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,10 @@ class Fields:
         for name in self._values:
             raise MessageError(f"{self.path}.{name}", "is no field of this message")
 
+    def has(self, name: str) -> bool:
+        """Whether a field that may be left out is there."""
+        return name in self._values
+
     def fail(self, name: str, problem: str) -> NoReturn:
         """Raise MessageError for a field."""
         raise MessageError(f"{self.path}.{name}", problem)

@@ -15,6 +15,7 @@ from common.messages.experience_codec import MAX_INCARNATION, delivery_fields, r
 from common.messages.fields import Fields
 from common.messages.replies import ALL_VERBS, PROTOCOL_VERSION, Ack, ControlReply, ControlRequest, Spec
 from common.messages.stats import ActorStats, LearnerStats
+from common.messages.view import EpisodeView, read_view, view_fields
 from common.messages.weights import FLOATS, Weights, WeightsNotice
 from common.system.printable import printable, printable_tree
 
@@ -44,8 +45,8 @@ def encode(message: object) -> bytes:
     """Return the bytes of a message.
 
     Args:
-        message: a Delivery, Ack, Spec, WeightsNotice, Weights, ActorStats, LearnerStats, ControlRequest or
-            ControlReply.
+        message: a Delivery, Ack, Spec, WeightsNotice, Weights, ActorStats, LearnerStats, EpisodeView, ControlRequest
+            or ControlReply.
 
     Raises:
         TypeError: for anything else, or a field that no message can hold.
@@ -176,6 +177,9 @@ def _read_actor_stats(fields: Fields) -> ActorStats:
         version_age=fields.number("version_age", 0.0, MAX_AGE),
         buffered=fields.integer("buffered"),
         state=fields.text("state"),
+        # Actors of earlier releases do not tell these.
+        restarts=fields.integer("restarts") if fields.has("restarts") else 0,
+        last_error=fields.text("last_error") if fields.has("last_error") else "",
     )
 
 
@@ -224,6 +228,7 @@ _KINDS: dict[type[Any], _Kind[Any]] = {
     Weights: _Kind("weights", _write_weights, _read_weights, MAX_WEIGHTS),
     ActorStats: _Kind("actor_stats", _plain, _read_actor_stats),
     LearnerStats: _Kind("learner_stats", _plain, _read_learner_stats),
+    EpisodeView: _Kind("episode_view", view_fields, read_view),
     ControlRequest: _Kind("control_request", _write_request, _read_request),
     ControlReply: _Kind("control_reply", _write_reply, _read_reply),
 }

@@ -20,6 +20,8 @@ class ActorStats:
         version_age: seconds since that version arrived.
         buffered: messages that wait for an acknowledgement.
         state: what it does now, one line.
+        restarts: how often it was started again after it had ended by itself.
+        last_error: why it ended the last time, one line; empty where it never did.
     """
 
     actor: str
@@ -32,6 +34,8 @@ class ActorStats:
     version_age: float
     buffered: int
     state: str
+    restarts: int = 0
+    last_error: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -191,6 +191,11 @@ class Hub:
         with self._lock:
             return any(view.wants(name) for view in self._views)
 
+    def patterns(self) -> frozenset[str]:
+        """Return the patterns of all browsers; a source whose channels are many finds the watched ones among them."""
+        with self._lock:
+            return frozenset(pattern for view in self._views for pattern in view.patterns)
+
     @property
     def views(self) -> int:
         """Browsers at this moment."""

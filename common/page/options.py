@@ -81,6 +81,13 @@ def url_of(host: str, port: int) -> str:
     return f"http://{f'[{host}]' if ':' in host else host}:{port}/"
 
 
+def announcement(address: str, settings: PageSettings) -> str:
+    """Return the line that tells where a page is and, when the token was made for it, how to command there."""
+    if settings.made_token:
+        return f"page: {address}#token={settings.token} (with the token that commands need; without it: reading)"
+    return f"page: {address} (commands need the token)"
+
+
 def is_local(host: str) -> bool:
     """Whether only this machine reaches a host."""
     try:

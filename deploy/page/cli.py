@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from common.cli import command_errors
-from common.page.options import PageSettings, TokenOption, page_settings
+from common.page.options import PageSettings, TokenOption, announcement, page_settings
 from common.system.extras import optional
 from common.system.logs import setup_logging
 from deploy.profiles import load_deploy_config
@@ -72,7 +72,4 @@ def page(
 
 def announce(address: str, settings: PageSettings) -> None:
     """Print where a page is and, when the token was made for it, how to command there."""
-    if settings.made_token:
-        typer.echo(f"page: {address}#token={settings.token} (with the token that commands need; without it: reading)")
-    else:
-        typer.echo(f"page: {address} (commands need the token)")
+    typer.echo(announcement(address, settings))

@@ -45,6 +45,8 @@ class CurveRecorder:
         self.updates_rate = RateMeter(window=20.0)
         self.figures: dict[str, float] = {}
         """Newest means of what updates report."""
+        self.evaluated: Round | None = None
+        """Newest complete round of evaluation."""
 
     def note(self, name: str, value: float) -> None:
         """Add one value to the mean of a curve's next point."""
@@ -84,6 +86,7 @@ class CurveRecorder:
 
     def write_evaluation(self, finished: Round) -> None:
         """Write the point of a complete round of evaluation."""
+        self.evaluated = finished
         self._write(self._ingest.limiter.updates, _named("evaluation", finished.figures))
 
     def write_text(self, name: str, content: str) -> None:

@@ -73,6 +73,9 @@ class Reporter:
             next_checkpoint=trainer.next_checkpoint,
             last_checkpoint=trainer.checkpoints.pointer("last") or "",
             best=trainer.best.version,
+            best_figures=dict(trainer.best.figures),
+            evaluated=-1 if trainer.recorder.evaluated is None else trainer.recorder.evaluated.version,
+            evaluated_figures={} if trainer.recorder.evaluated is None else trainer.recorder.evaluated.figures,
             refused=refused,
             losses=dict(trainer.recorder.figures),
             late={str(group): means for group, means in late.items()},
@@ -129,4 +132,6 @@ class Reporter:
             buffered=0 if told is None else told.buffered,
             silent=heard,
             state="" if told is None else told.state,
+            restarts=0 if told is None else told.restarts,
+            last_error="" if told is None else told.last_error,
         )

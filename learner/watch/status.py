@@ -31,6 +31,8 @@ class ActorStatus:
         buffered: messages that wait for an acknowledgement.
         silent: seconds since its last delivery.
         state: what it says that it does.
+        restarts: how often its supervisor started it again after it had ended by itself.
+        last_error: why it ended the last time; empty where it never did.
     """
 
     name: str
@@ -46,6 +48,8 @@ class ActorStatus:
     buffered: int
     silent: float
     state: str
+    restarts: int
+    last_error: str
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -78,6 +82,9 @@ class LearnerStatus:
         next_checkpoint: seconds until the next one.
         last_checkpoint: name of the newest, empty before the first.
         best: version of the best policy, -1 before the first complete evaluation.
+        best_figures: its means over the validation worlds, see `Round.figures`.
+        evaluated: version of the newest complete evaluation, -1 before the first of this process.
+        evaluated_figures: its means over the validation worlds.
         refused: invalid messages since the start.
         losses: newest means of what an update reports.
         late: means over late episodes by group.
@@ -108,6 +115,9 @@ class LearnerStatus:
     next_checkpoint: float
     last_checkpoint: str
     best: int
+    best_figures: dict[str, float]
+    evaluated: int
+    evaluated_figures: dict[str, float]
     refused: int
     losses: dict[str, float]
     late: dict[str, EpisodeMeans]

@@ -82,6 +82,9 @@ def test_actors_are_restarted_after_a_kill_and_end_in_order():
             lambda: any(d.actor == "desk-1" and d.incarnation != first["desk-1"] for d in learner.deliveries)
         ), command.output
         assert "desk-1 was killed by SIGKILL" in command.output
+        assert learner.wait_for(lambda: ("actor", "desk-1") in learner.stats.rows())
+        assert learner.wait_for(lambda: learner.stats.rows()["actor", "desk-1"][0].restarts == 1)
+        assert "was killed by SIGKILL" in learner.stats.rows()["actor", "desk-1"][0].last_error
         assert {d.incarnation for d in learner.deliveries if d.actor == "desk-0"} == {first["desk-0"]}
         children = command.actors()
         assert set(children) == both

@@ -60,7 +60,7 @@ def seeds() -> dict[str, dict[str, bytes]]:
     rng = np.random.default_rng(0)
     deliveries = [samples.delivery(rng, number, steps=2, labels=bool(number)) for number in range(2)]
     report = Delivery("desk-0", 7, 2, samples.report())
-    small = [*samples.small_messages(), samples.weights(), report, *deliveries]
+    small = [*samples.small_messages(), samples.weights(), samples.view(rng), report, *deliveries]
     kinds = [RecordKind.DELIVERY, RecordKind.VERSION, RecordKind.DELIVERY]
     contents = [encode(report), (5).to_bytes(8, "little"), encode(report)]
     records = [

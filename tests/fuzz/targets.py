@@ -15,6 +15,7 @@ from common.messages.experience import Delivery
 from common.messages.replies import Ack, ControlReply, ControlRequest, Spec
 from common.messages.schema import decode
 from common.messages.stats import ActorStats, LearnerStats
+from common.messages.view import EpisodeView
 from common.messages.weights import Weights, WeightsNotice
 from common.policies.policy_file import read_card
 from deploy.profiles import load_deploy_config
@@ -30,7 +31,10 @@ from learner.run.repair import mend, review
 from learner.watch.event_file import mend_events
 
 CORPUS = Path(__file__).with_name("corpus")
-MESSAGES = (Ack, ActorStats, ControlReply, ControlRequest, Delivery, LearnerStats, Spec, Weights, WeightsNotice)
+MESSAGES = (
+    *(Ack, ActorStats, ControlReply, ControlRequest, Delivery, EpisodeView),
+    *(LearnerStats, Spec, Weights, WeightsNotice),
+)
 # What a robot does with each message right after it is decoded.
 ROS = {
     "sensor_msgs/msg/LaserScan": scan_from,

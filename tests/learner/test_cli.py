@@ -39,6 +39,7 @@ def test_config_prints_what_it_reads_back(tmp_path):
         (("config", "--set", "learner.batchsize=3"), "did you mean"),
         (("config", "--set", "learner.batch_size=none"), "learner.batch_size"),
         (("start", "--serial", "--actors", "2"), "leave --actors"),
+        (("start", "--serial", "--page", "8080"), "leave --page"),
         (("resume", "--run", "absent", "--runs", "{folder}"), "there is no run 'absent'"),
         (("export", "--run", "absent", "--runs", "{folder}"), "there is no run 'absent'"),
         (("start", "--runs", "{folder}", "--set", "maps.train=generator:romms"), "did you mean 'rooms'"),

@@ -60,6 +60,21 @@ export function moment(seconds) {
   return seconds < 1 ? number(seconds * 1000, "ms", seconds < 0.01 ? 1 : 0) : number(seconds, "s", 2);
 }
 
+/** Show [name, text, tone] as a definition list; what did not change is left alone, what has no text is left out. */
+export function facts(list, rows) {
+  const shown = rows.filter(([, text]) => text !== null && text !== undefined && text !== "");
+  const names = shown.map(([name]) => name).join("|");
+  if (list.dataset.names !== names) {
+    list.dataset.names = names;
+    list.replaceChildren(...shown.flatMap(([name]) => [h("dt", {}, name), h("dd", {})]));
+  }
+  const places = list.querySelectorAll("dd");
+  shown.forEach(([, text, tone], i) => {
+    setText(places[i], text);
+    places[i].className = tone ? `badge ${tone}` : "";
+  });
+}
+
 /** Say something for a few seconds; screen readers hear it. Kind: "info", "good" or "fault". */
 export function notice(text, kind = "info") {
   let place = document.getElementById("notices");

@@ -1,19 +1,9 @@
 // What is drawn on the map, in the order in which it is drawn: each layer has its name, its sign and its switch.
 
 import { colour, h } from "./core/dom.js";
+import { disc, line, places, ring, sign, triangle } from "./core/marks.js";
 
 const KEY = "hd-page-layers";
-const SIGNS = {
-  square: (c) => `<rect x="5" y="3" width="10" height="10" fill="${c}"/>`,
-  dot: (c) => `<circle cx="10" cy="8" r="4" fill="${c}"/>`,
-  dots: (c) => `<g fill="${c}"><circle cx="4" cy="10" r="1.6"/><circle cx="9" cy="6" r="1.6"/><circle cx="14" cy="8" r="1.6"/></g>`,
-  line: (c) => `<path d="M2 12 8 5l10 4" fill="none" stroke="${c}" stroke-width="2.6"/>`,
-  thin: (c) => `<path d="M2 12 9 4l9 6" fill="none" stroke="${c}" stroke-width="1.2"/>`,
-  dashes: (c) => `<path d="M2 12 8 5l10 4" fill="none" stroke="${c}" stroke-width="2.6" stroke-dasharray="4 3"/>`,
-  triangle: (c) => `<path d="M10 1 17 14H3z" fill="${c}"/>`,
-  cross: (c) => `<path d="M5 3l10 10M15 3 5 13" stroke="${c}" stroke-width="2.4"/>`,
-};
-
 const LAYERS = [
   { name: "scan", label: "scan", sign: "dots", colour: "scan", draw: drawScan },
   { name: "graph", label: "viewpoint graph", sign: "thin", colour: "viewpoint", draw: drawGraph },
@@ -28,18 +18,14 @@ const LAYERS = [
 export class Layers {
   constructor(place, onChange) {
     this.hidden = new Set(JSON.parse(localStorage.getItem(KEY) ?? "[]"));
-    const list = LAYERS.map(({ name, label, sign, colour: meaning }) => {
+    const list = LAYERS.map(({ name, label, sign: shape, colour: meaning }) => {
       const box = h("input", { type: "checkbox", checked: !this.hidden.has(name), onchange: () => {
         if (box.checked) this.hidden.delete(name);
         else this.hidden.add(name);
         localStorage.setItem(KEY, JSON.stringify([...this.hidden]));
         onChange();
       } });
-      const picture = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-      picture.setAttribute("viewBox", "0 0 20 16");
-      picture.setAttribute("aria-hidden", "true");
-      picture.innerHTML = SIGNS[sign](`var(--${meaning})`);
-      return h("label", {}, box, picture, label);
+      return h("label", {}, box, sign(shape, meaning), label);
     });
     const fold = h("details", {}, h("summary", {}, "Layers"), ...list);
     fold.open = matchMedia("(min-width: 821px)").matches;
@@ -55,11 +41,6 @@ export class Layers {
     }
     drawPlaces(context, view, robot);
   }
-}
-
-/** Positions in metres of a flat list of centimetres with so many numbers each. */
-function* places(flat, stride) {
-  for (let i = 0; i + stride <= (flat?.length ?? 0); i += stride) yield [flat[i] / 100, flat[i + 1] / 100, flat[i + 2]];
 }
 
 function drawScan(context, view, { scan }) {
@@ -171,47 +152,6 @@ export function drawPin(context, view, [x, y]) {
   const { pixel } = view;
   ring(context, x, y, 9 * pixel, colour("text"), 2.5 * pixel);
   disc(context, x, y, 3 * pixel, colour("text"));
-}
-
-function line(context, points, stroke, width) {
-  context.strokeStyle = stroke;
-  context.lineWidth = width;
-  context.lineJoin = context.lineCap = "round";
-  context.beginPath();
-  points.forEach(([x, y], i) => (i ? context.lineTo(x, y) : context.moveTo(x, y)));
-  context.stroke();
-}
-
-function disc(context, x, y, radius, fill, rim = null, width = 0) {
-  context.beginPath();
-  context.arc(x, y, radius, 0, 2 * Math.PI);
-  context.fillStyle = fill;
-  context.fill();
-  if (!rim) return;
-  context.strokeStyle = rim;
-  context.lineWidth = width;
-  context.stroke();
-}
-
-function ring(context, x, y, radius, stroke, width) {
-  context.beginPath();
-  context.arc(x, y, radius, 0, 2 * Math.PI);
-  context.strokeStyle = stroke;
-  context.lineWidth = width;
-  context.stroke();
-}
-
-function triangle(context, x, y, size, fill, pixel) {
-  context.beginPath();
-  context.moveTo(x, y + size);
-  context.lineTo(x - 0.87 * size, y - 0.6 * size);
-  context.lineTo(x + 0.87 * size, y - 0.6 * size);
-  context.closePath();
-  context.fillStyle = fill;
-  context.fill();
-  context.strokeStyle = colour("panel");
-  context.lineWidth = 1.2 * pixel;
-  context.stroke();
 }
 
 /** Words beside a place, upright although y points up. */

@@ -1,24 +1,9 @@
 // The lists beside the map: what a robot tells, in words and numbers with units.
 
-import { duration, h, moment, number, setText } from "./core/dom.js";
+import { duration, facts, h, moment, number } from "./core/dom.js";
 
 const GATES = { clear: "good", held: "good", overridden: "caution", command_stale: "caution" };
 const EVENTS_SHOWN = 40;
-
-/** Show [name, text or element, ...] as a list of facts; what did not change is left alone. */
-function facts(list, rows) {
-  const shown = rows.filter(([, text]) => text !== null && text !== undefined && text !== "");
-  const names = shown.map(([name]) => name).join("|");
-  if (list.dataset.names !== names) {
-    list.dataset.names = names;
-    list.replaceChildren(...shown.flatMap(([name]) => [h("dt", {}, name), h("dd", {})]));
-  }
-  const places = list.querySelectorAll("dd");
-  shown.forEach(([, text, tone], i) => {
-    setText(places[i], text);
-    places[i].className = tone ? `badge ${tone}` : "";
-  });
-}
 
 const place = (at) => (at ? `${number(at[0], "", 1)}, ${number(at[1], "m", 1)}` : "");
 const sentence = (text) => String(text ?? "").replaceAll("_", " ");

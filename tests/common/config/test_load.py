@@ -13,7 +13,12 @@ from common.errors import ConfigError
 def test_later_sources_win_over_earlier_ones(tmp_path):
     file = tmp_path / "run.toml"
     file.write_text("[learner]\nbatch_size = 11\nthreads = 3\ndevice = 'cpu'\n")
-    environment = {"HD_LEARNER__BATCH_SIZE": "22", "HD_LEARNER__THREADS": "4", "PATH": "/bin"}
+    environment = {
+        "HD_LEARNER__BATCH_SIZE": "22",
+        "HD_LEARNER__THREADS": "4",
+        "PATH": "/bin",
+        "HD_PAGE_TOKEN": "no setting",
+    }
     config = load_config(file, ["learner.batch_size=33"], environment)
     assert (config.learner.batch_size, config.learner.threads, config.learner.device) == (33, 4, "cpu")
 

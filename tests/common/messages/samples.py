@@ -5,6 +5,7 @@ import numpy as np
 from common.messages.experience import Chunk, Delivery, End, EpisodeReport, ExpertLabels
 from common.messages.replies import Ack, ControlReply, ControlRequest, Spec
 from common.messages.stats import ActorStats, LearnerStats
+from common.messages.view import EpisodeView
 from common.messages.weights import Weights
 from common.observations.observation import ObservationBatch
 from tests.observations import TARGETS, random_observation
@@ -72,13 +73,46 @@ def weights(version=1, value=0.5, **details) -> Weights:
     return Weights.of(tensors, learner=details.pop("learner", 11), version=version, updates=10 * version, **details)
 
 
+def view(rng, shape=(30, 40), viewpoints=12) -> EpisodeView:
+    def places(count):
+        return rng.uniform(-50, 50, (count, 2)).astype(np.float32)
+
+    return EpisodeView(
+        actor="desk-0",
+        family="worlds",
+        world="rooms-7",
+        task="exploration",
+        driver="policy",
+        version=12,
+        step=7,
+        distance=31.5,
+        explored=0.25,
+        ended=False,
+        success=False,
+        resolution=0.5,
+        origin=(-3.5, 2.25),
+        cells=rng.choice(np.array([-1, 0, 100], np.int8), shape),
+        viewpoints=places(viewpoints),
+        kinds=rng.integers(0, 3, viewpoints).astype(np.uint8),
+        edges=rng.integers(0, viewpoints, (20, 2)).astype(np.uint16),
+        frontiers=places(9),
+        beacons=places(3),
+        way=places(8),
+        beacon=places(1),
+        waypoint=places(1),
+        target=places(0),
+    )
+
+
 def small_messages() -> list[object]:
     """One message of every kind that has no arrays."""
     return [
         Ack(sequence=4, stored=True, hold=0.25, error="", learner=11),
         Spec(run="office", learner=11, config='{"name": "office"}'),
         weights().notice(),
-        ActorStats("desk-0", "desk", 4711, 1200, 9, 64.5, 12, 3.25, 0, "acting"),
+        ActorStats(
+            "desk-0", "desk", 4711, 1200, 9, 64.5, 12, 3.25, 0, "acting", 2, "was killed by SIGKILL: it said nothing"
+        ),
         LearnerStats("gpu", 815, 12_000, 90, 750, 75, 500.0, 1.5, 11_000, "training"),
         ControlRequest("status", {}),
         ControlReply(True, "", {"updates": 750, "actors": ["desk-0"]}),
