@@ -11,7 +11,7 @@ COPY deploy deploy
 COPY hdplanner hdplanner
 
 FROM base AS learner
-RUN pip install -c constraints.txt '.[learner,plots]'
+RUN pip install -c constraints.txt '.[learner,plots,metrics,storage]'
 USER 1000
 WORKDIR /
 VOLUME /runs
@@ -19,7 +19,7 @@ EXPOSE 7447
 CMD ["hd-learner", "start", "--runs", "/runs", "--listen", "tcp/0.0.0.0:7447"]
 
 FROM base AS actors
-RUN pip install -c constraints.txt '.[actor,pybullet]'
+RUN pip install -c constraints.txt '.[actor,pybullet,metrics]'
 USER 1000
 WORKDIR /
 CMD ["hd-actor", "--num", "2", "--connect", "tcp/learner:7447"]

@@ -10,9 +10,12 @@ ROS_VENV := .venv-ros
 ROS_STAMP := $(ROS_VENV)/.installed
 JOBS ?= 2
 MINUTES ?= 30
+JSON ?= build/bench.json
+# A file's tests stay in one process, so that what they share is made once; in the order of tests/conftest.py.
+PARALLEL := -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help install run demo check test test-all test-page test-ros lint types format docs bench soak faults fuzz clean
+.PHONY: help install run demo check test test-twice test-all test-page test-ros lint types format docs bench bench-compare soak faults fuzz clean
 
 help:  ## show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -26,27 +29,37 @@ $(STAMP): pyproject.toml constraints.txt
 
 install: $(STAMP)  ## create .venv and install everything into it
 
-run: $(STAMP)  ## train here: a learner, two PyBullet actors and an evaluator, shown live (Ctrl-C ends it, again: goes on)
+run: $(STAMP)  ## train here: a learner, two PyBullet actors and an evaluator, with a live view (Ctrl-C stops; run again to resume)
 	@sim=''; $(BIN)/python -c 'import pybullet' 2>/dev/null || { sim='--sim grid'; echo 'no PyBullet here: training with --sim grid'; }; \
 	if compgen -G 'runs/default/checkpoints/*' >/dev/null; then $(BIN)/hd-learner resume --actors 2 --evaluators 1 $$sim; \
 	else $(BIN)/hd-learner start --preset workstation --actors 2 --evaluators 1 $$sim; fi
 
-demo: $(STAMP)  ## a simulated robot explores an office: live in the terminal, a video in runs/demo
+demo: $(STAMP)  ## a simulated robot explores an office, live in the terminal; writes a video to runs/demo
 	$(BIN)/hd-deploy demo
 
 test: $(STAMP)  ## the test suite without its slow tests
-	$(BIN)/python -m pytest -n $(JOBS) -m 'not slow'
+	$(BIN)/python -m pytest $(PARALLEL) -m 'not slow'
 
-check:  ## what must be green before a change lands: install, lint, types, test
+# Only after a whole run with failures (exit code 1) and only for what failed; a fault fails twice.
+test-twice: $(STAMP)  ## the same, and what failed once more, alone
+	@rm -rf .pytest_cache; status=0; \
+	$(BIN)/python -m pytest $(PARALLEL) -m 'not slow' || status=$$?; \
+	[ $$status = 1 ] || exit $$status; \
+	echo '===== these tests failed beside others; now each of them alone: a fault fails twice ====='; \
+	$(BIN)/python -m pytest -n 0 -m 'not slow' --last-failed --last-failed-no-failures none --maxfail 5 || \
+		{ echo '===== failed twice ====='; exit 1; }; \
+	echo '===== passed alone: a test that needs a quiet machine, to be mended ====='
+
+check:  ## everything that must pass before a change lands: install, lint, types, tests
 	bash .ci/run
 
 test-all: $(STAMP)  ## the whole test suite, but for the tests that need a browser
-	$(BIN)/python -m pytest -n $(JOBS) -m 'not page'
+	$(BIN)/python -m pytest $(PARALLEL) -m 'not page'
 
 test-page: $(STAMP)  ## the pages in headless Chromium (apt-get install chromium): a simulated robot and a training, real processes
 	$(BIN)/python -m pytest -n 0 -m page
 
-test-ros: $(STAMP)  ## the relay against real ROS 2 (rclpy, Fast DDS); skipped with a word where it has no wheels
+test-ros: $(STAMP)  ## the relay against real ROS 2 (rclpy, Fast DDS); skipped with a message where there are no wheels
 	@if [ $(ROS_STAMP) -ot pyproject.toml ] || [ $(ROS_STAMP) -ot constraints.txt ]; then \
 		scripts/ros_environment.sh $(PYTHON) $(VENV) $(ROS_VENV) && touch $(ROS_STAMP) || status=$$?; \
 		if [ "$$status" = 3 ]; then \
@@ -69,21 +82,25 @@ format: $(STAMP)  ## put the code into its format
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-docs: $(STAMP)  ## write the pages that are made from the code, and build the site in build/site
+docs: $(STAMP)  ## write the generated pages, and build the site in build/site
 	$(BIN)/python -c "from pathlib import Path; from common.config.describe import documentation; Path('docs/configuration.md').write_text(documentation(), 'utf-8')"
 	$(BIN)/python -c "from pathlib import Path; from deploy.profiles import documentation; Path('docs/deploy/parameters.md').write_text(documentation(), 'utf-8')"
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
-bench: $(STAMP)  ## measure: decision step, simulators, inference, actors, updates, ingest, memory
-	$(BIN)/python -m benchmarks
+bench: $(STAMP)  ## measure: decision step, simulators, inference, actors, updates, ingest, memory; all in JSON=build/bench.json
+	$(BIN)/python -m benchmarks --json $(JSON)
 
-soak: $(STAMP)  ## half an hour of physics in which something fails every minute: a table of each stop (MINUTES=30)
+bench-compare: $(STAMP)  ## what changed between two files of `make bench`: A=OLD.json B=NEW.json
+	@[ -n "$(A)" ] && [ -n "$(B)" ] || { echo 'expected two files: make bench-compare A=OLD.json B=NEW.json'; exit 2; }
+	$(BIN)/python -m benchmarks.compare $(A) $(B)
+
+soak: $(STAMP)  ## half an hour of physics with a fault every minute: a table of each stop (MINUTES=30)
 	$(BIN)/python -m benchmarks.soak --minutes $(MINUTES)
 
-faults: $(STAMP)  ## kill, freeze, cut, fill, damage and flood a training run: a table of what was lost (docs/faults.md)
+faults: $(STAMP)  ## inject faults into a training run (kill, freeze, cut, fill, damage, flood): a table of losses (docs/faults.md)
 	$(BIN)/python -m benchmarks.faults
 
-fuzz: $(STAMP)  ## try all decoders with changed bytes (MINUTES=30)
+fuzz: $(STAMP)  ## fuzz all decoders with modified bytes (MINUTES=30)
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES)
 
 clean:  ## remove caches and the environment, never runs/

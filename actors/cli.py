@@ -23,6 +23,7 @@ from common.extensions import SIMULATORS
 from common.ids import check_id
 from common.messages.replies import Spec
 from common.system.logs import setup_logging
+from common.system.metrics_server import metrics_address
 from common.system.reaper import Reaper
 from common.system.runtime import process_environment, python_module
 
@@ -62,7 +63,7 @@ def main(
         list[str] | None,
         typer.Option(help=f"Endpoint of the learner, or of a Zenoh router. [default: {DEFAULT_ENDPOINT}]"),
     ] = None,
-    run: Annotated[str | None, typer.Option(help="Name of the run; not needed while exactly one is there.")] = None,
+    run: Annotated[str | None, typer.Option(help="Name of the run; optional if there is exactly one.")] = None,
     sim: Annotated[
         str | None,
         typer.Option(
@@ -94,16 +95,27 @@ def main(
     name: Annotated[
         str | None, typer.Option(metavar="PREFIX", help="Names are PREFIX-0, PREFIX-1, ... [default: the host's name]")
     ] = None,
+    compress: Annotated[
+        bool, typer.Option("--compress", help="Compress the link, where its other end has bus.compression on.")
+    ] = False,
     tls_ca: Annotated[str | None, typer.Option(help="Root certificate (PEM) of the run's authority.")] = None,
     tls_certificate: Annotated[str | None, typer.Option(help="This host's certificate (PEM).")] = None,
     tls_key: Annotated[str | None, typer.Option(help="This host's private key (PEM).")] = None,
+    metrics: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[HOST:]PORT",
+            help="Serve figures for Prometheus; of several actors each on the port after the last.",
+        ),
+    ] = None,
     log_level: Annotated[LogLevel | None, typer.Option(help="How much is logged. [default: info]")] = None,
     version: Version = False,
 ) -> None:
     """Run simulated robots that collect experience for a learner.
 
     Everything about the run comes from the learner, so an actor needs no more than its endpoint. Actors may start
-    before the learner, come and go at any time, and go on while it is away. Ctrl-C ends them within three seconds.
+    before the learner, join and leave at any time, and continue while it is away. Ctrl-C ends them within
+    three seconds.
     """
     del version
     setup_logging(None if log_level is None else log_level.value)
@@ -113,8 +125,9 @@ def main(
         raise ConfigError(f"--gui opens one window: use it with --num 1, not --num {num}")
     if gui and sim == "grid":
         raise ConfigError("--gui shows PyBullet's window: leave it out, or use --sim pybullet")
+    address = None if metrics is None else metrics_address(metrics)
     prefix = _checked_id(name or host_name(), "--name")
-    bus = _bus(connect, tls_ca, tls_certificate, tls_key)
+    bus = _bus(connect, tls_ca, tls_certificate, tls_key, compress)
     run_name, taken, spec = _find_run(bus, run)
     common = {
         "run": run_name,
@@ -129,7 +142,10 @@ def main(
         "parent": os.getpid(),
     }
     names = free_names(prefix + ("-eval" if evaluate else ""), num, taken)
-    options = [ActorOptions.model_validate({**common, "name": each}) for each in names]
+    options = [
+        ActorOptions.model_validate({**common, "name": each, "metrics": address and (address[0], address[1] + number)})
+        for number, each in enumerate(names)
+    ]
     # What this machine cannot do is said here, once, and not by each process.
     config = None if spec is None else options[0].accept(spec.config)
     if num > 1:
@@ -148,7 +164,7 @@ def main(
 
 
 def free_names(prefix: str, count: int, taken: frozenset[str]) -> list[str]:
-    """Return the first ``count`` names PREFIX-k that nobody on the bus has."""
+    """Return the first ``count`` names PREFIX-k that are free on the bus."""
     names: list[str] = []
     number = 0
     while len(names) < count:
@@ -159,13 +175,16 @@ def free_names(prefix: str, count: int, taken: frozenset[str]) -> list[str]:
     return names
 
 
-def _bus(connect: list[str] | None, tls_ca: str | None, tls_certificate: str | None, tls_key: str | None) -> BusConfig:
+def _bus(
+    connect: list[str] | None, tls_ca: str | None, tls_certificate: str | None, tls_key: str | None, compress: bool
+) -> BusConfig:
     try:
         return BusConfig(
             connect=tuple(connect or [DEFAULT_ENDPOINT]),
             tls_ca=tls_ca,
             tls_certificate=tls_certificate,
             tls_key=tls_key,
+            compression=compress,
         )
     except ValidationError as error:
         raise ConfigError("--tls-ca, --tls-certificate and --tls-key go together: give all three or none") from error

@@ -37,6 +37,7 @@ class ActorOptions(BaseModel):
         allow: each MODULE:CLASS that the run's configuration may name.
         gui: open PyBullet's window.
         log_level: of this process.
+        metrics: host and port on which it serves its figures for Prometheus; None for none.
         parent: process number of the supervisor; the actor ends when that does. 0 for none.
         restarts: how often the supervisor started it again after it had ended by itself.
         last_error: why it ended the last time, one line.
@@ -54,6 +55,7 @@ class ActorOptions(BaseModel):
     allow: tuple[str, ...] = ()
     gui: bool = False
     log_level: str | None = None
+    metrics: tuple[str, int] | None = None
     parent: int = 0
     restarts: int = 0
     last_error: str = ""

@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 import threading
+from contextlib import nullcontext
 
 from actors.options import ActorOptions
 from common.errors import HDError
@@ -59,11 +60,13 @@ def _run(options: ActorOptions, stop: threading.Event) -> int:
     if options.parent:
         follow_parent(options.parent, stop)
     # Imported late: signals and the parent are looked after while numba and the simulator load.
+    from actors.figures import serve_figures
     from actors.worker import Worker
 
     worker = Worker(options, stop)
     try:
-        worker.run()
+        with nullcontext() if options.metrics is None else serve_figures(options.metrics, worker):
+            worker.run()
     except HDError as error:
         log.error("%s", error)
         return EXIT_CRASH if worker.acted else EXIT_UNUSABLE

@@ -65,6 +65,7 @@ class Worker:
         options: what this actor was told.
         state: what it does now, one line.
         acted: whether it ever got as far as acting.
+        stats: newest statistics, None before it joined the run.
     """
 
     def __init__(self, options: ActorOptions, stop: threading.Event) -> None:
@@ -72,6 +73,7 @@ class Worker:
         self._stop = stop
         self.state = "starting"
         self.acted = False
+        self.stats: ActorStats | None = None
 
     def run(self) -> None:
         """Act until told to stop; a learner that comes back with another configuration is begun with anew."""
@@ -150,8 +152,8 @@ class Worker:
             fresh = self._restarted_learner(session, parts)
             if fresh is not None and fresh.config != spec.config:
                 log.warning(
-                    "the learner of run %r was restarted with another configuration: beginning anew; "
-                    "%d messages of the old one are dropped",
+                    "the learner of run %r was restarted with another configuration: starting over; %d messages "
+                    "collected with the old one are dropped",
                     spec.run,
                     parts.sender.pending,
                 )
@@ -255,5 +257,6 @@ class _Teller:
             restarts=options.restarts,
             last_error=options.last_error,
         )
+        self._worker.stats = stats
         if not self._session.is_closed():
             publish_stats(self._session, options.run, options.role, options.name, stats)

@@ -36,21 +36,23 @@ PER_SECOND = 25.0
 """Chunks a second of the steady stream: what six kinematic actors with the network of `workstation` send."""
 
 
-def run(chunks: int = 400) -> dict[str, float]:
+def run(chunks: int = 400, seconds: float = 12.0, processes: int = 4) -> dict[str, float]:
     """Measure rate and latency for each mode.
 
     Args:
-        chunks: messages that each of four sending processes delivers as fast as it can.
+        chunks: messages that each sending process delivers as fast as it can.
+        seconds: of the steady stream; its first second is not counted.
+        processes: that send.
     """
     results = {"sync_ms_p50": 1e3 * _sync_seconds()}
     for mode, interval in MODES.items():
         with _learner(interval) as config:
-            alone = latency(config, repeats=100)
+            alone = latency(config, repeats=min(100, 20 + chunks))
             results[f"{mode}_one_by_one_ms_p50"] = alone["ack_ms_p50"]
-            steady = _steady(config)
+            steady = _steady(config, seconds)
             for share in (50, 99):
                 results[f"{mode}_steady_ms_p{share}"] = 1e3 * float(np.percentile(steady, share))
-            results[f"{mode}_steps_per_s"] = 4 * chunks * STEPS / deliver(config, 4, chunks)
+            results[f"{mode}_steps_per_s"] = processes * chunks * STEPS / deliver(config, processes, chunks)
     return results
 
 
@@ -74,7 +76,7 @@ def _learner(interval: float | None) -> Iterator[BusConfig]:
         yield bus
 
 
-def _steady(config: BusConfig, seconds: float = 12.0) -> list[float]:
+def _steady(config: BusConfig, seconds: float) -> list[float]:
     """Send at a steady rate; return the seconds from each query to its acknowledgement, without the first second."""
     body, incarnation = chunk(), new_incarnation()
     took: dict[int, float] = {}

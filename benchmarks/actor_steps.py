@@ -14,9 +14,10 @@ import argparse
 import importlib.util
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -74,13 +75,16 @@ class Guided:
         return Choice(int(observation.beacon_nodes()[0]), waypoint, self.version)
 
 
-class Stages:
-    """Processor seconds of each stage of a collector, what a stage calls of another left out."""
+class Stages(ExitStack):
+    """Processor seconds of each stage of a collector, what a stage calls of another left out.
+
+    Closing it takes the clocks away again.
+    """
 
     def __init__(self, collector: Collector) -> None:
+        super().__init__()
         self.seconds: dict[str, float] = defaultdict(float)
         self._inner = [0.0]
-        environment = collector._environment
         self.driver = Guided(collector._policy_driver)
         collector._policy_driver = self.driver  # type: ignore[assignment]
         self._wrap(self.driver, "guide", "guide")
@@ -89,9 +93,11 @@ class Stages:
         self._wrap(simulator, "reset", "simulator reset")
         self._wrap(simulator, "drive_to", "drive")
         self._wrap(simulator, "scan", "scan")
-        self._wrap(environment, "_sense", "mapping")
-        self._wrap(environment, "expert_label", "expert")
-        self._wrap(collector._source, "draw", "world")
+        # Each episode has an environment of its own.
+        self._wrap(Environment, "_sense", "mapping")
+        self._wrap(Environment, "expert_label", "expert")
+        for arena in collector._arenas:
+            self._wrap(arena.source, "draw", "world")
 
     def _wrap(self, owner: object, name: str, stage: str) -> None:
         inner: Callable[..., Any] = getattr(owner, name)
@@ -106,7 +112,7 @@ class Stages:
                 self.seconds[stage] += spent - self._inner.pop()
                 self._inner[-1] += spent
 
-        setattr(owner, name, timed)
+        self.enter_context(patch.object(owner, name, timed))
 
 
 @contextmanager
@@ -124,10 +130,8 @@ def opened(settings: dict[str, Any], specs: list[str]) -> Iterator[tuple[Collect
     if config.cloning.enabled:
         config = config.model_copy(update={"cloning": config.cloning.model_copy(update={"expert_episodes": 0.0})})
     collector = Collector(config, [0], deliver)
-    try:
-        yield collector, Stages(collector)
-    finally:
-        collector.close()
+    with closing(collector), Stages(collector) as stages:
+        yield collector, stages
 
 
 def measure(settings: dict[str, Any], specs: list[str], seconds: float) -> tuple[float, float, dict[str, float]]:
@@ -146,10 +150,11 @@ def measure(settings: dict[str, Any], specs: list[str], seconds: float) -> tuple
         return steps / spent, stages.driver.viewpoints / steps, split
 
 
-def run(seconds: float = 10.0, specs: list[str] | None = None) -> dict[str, float]:
-    """Return steps per second of every case, and milliseconds per step of their stages."""
+def run(seconds: float = 10.0, specs: list[str] | None = None, cases: Sequence[str] = tuple(CASES)) -> dict[str, float]:
+    """Return steps per second of some cases, and milliseconds per step of their stages."""
     results: dict[str, float] = {}
-    for name, settings in CASES.items():
+    for name in cases:
+        settings = CASES[name]
         if settings["simulator"]["name"] == "pybullet" and importlib.util.find_spec("pybullet") is None:
             continue
         rate, viewpoints, split = measure(settings, specs or ["generator:rooms"], seconds)

@@ -8,7 +8,7 @@ argument it takes the public benchmark maps where they are at hand, else generat
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
 
@@ -96,12 +96,14 @@ def measure(source: str, resolution: float, worlds: int, log: Callable[[str], No
     return figures
 
 
-def run(source: str | None = None, worlds: int = 30) -> dict[str, float]:
-    """Measure at cells of 0.25 m, 0.5 m and 0.1 m; return figures by name, milliseconds."""
+def run(
+    source: str | None = None, worlds: int = 30, resolutions: Sequence[float] = (0.25, 0.5, 0.1)
+) -> dict[str, float]:
+    """Measure with cells of several sides, metres; return figures by name, milliseconds."""
     warm_up()
     chosen = source or default_source()
     figures = {}
-    for resolution in (0.25, 0.5, 0.1):
+    for resolution in resolutions:
         figures.update(measure(chosen, resolution, worlds, print))
     return figures
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -54,11 +55,12 @@ def chunk(seed: int = 0, labels: bool = True) -> Chunk:
     )
 
 
-def run(chunks: int = 1000) -> dict[str, float]:
+def run(chunks: int = 1000, processes: Sequence[int] = (1, 4)) -> dict[str, float]:
     """Measure the codec alone, delivery from 1 and 4 processes, the acknowledgement and a pull of weights.
 
     Args:
         chunks: messages that each sending process delivers.
+        processes: how many deliver at the same time, one measurement each.
     """
     results = _codec()
     config = BusConfig(listen=f"tcp/127.0.0.1:{free_port()}")
@@ -67,10 +69,10 @@ def run(chunks: int = 1000) -> dict[str, float]:
         ExperienceServer(session, RUN, new_incarnation(), lambda *_: 0.0),
         WeightsPublisher(session, RUN) as publisher,
     ):
-        results |= latency(config)
-        for processes in (1, 4):
-            seconds = deliver(config, processes, chunks)
-            results[f"deliver_chunks_per_s_{processes}_processes"] = processes * chunks / seconds
+        results |= latency(config, min(300, 20 + chunks))
+        for count in processes:
+            seconds = deliver(config, count, chunks)
+            results[f"deliver_chunks_per_s_{count}_processes"] = count * chunks / seconds
         results |= _weights(config, publisher)
     return results
 
@@ -114,7 +116,8 @@ def deliver(config: BusConfig, processes: int, chunks: int) -> float:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            env=process_environment(threads=1),
+            # Found from any folder; the benchmarks are no part of what is installed.
+            env=process_environment(threads=1) | {"PYTHONPATH": str(Path(__file__).parents[1])},
         )
         for i in range(processes)
     ]

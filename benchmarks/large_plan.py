@@ -44,10 +44,10 @@ def explored(world: GridMap, spacing: float) -> Mapper:
     return mapper
 
 
-def most_held(world: GridMap, spacing: float) -> float:
+def most_held(world: GridMap, spacing: float, steps: int) -> float:
     """Return the most megabytes that making a mapper of the whole world and some steps with it allocate at a time."""
     tracemalloc.start()
-    drive(explored(world, spacing), world, MEMORY_STEPS)
+    drive(explored(world, spacing), world, steps)
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     return most / 1e6
@@ -76,7 +76,7 @@ def drive(mapper: Mapper, world: GridMap, steps: int) -> list[float]:
     return times
 
 
-def run(plan: Path = PLAN, log: Callable[[str], None] = print) -> dict[str, float]:
+def run(plan: Path = PLAN, steps: int = STEPS, log: Callable[[str], None] = print) -> dict[str, float]:
     """Measure; return figures by name, milliseconds and megabytes, none where the plan is not at hand."""
     if not plan.is_file():
         log(f"skipped: {plan} is not there; it is one of the public floor plans, which are not part of the repository")
@@ -86,8 +86,8 @@ def run(plan: Path = PLAN, log: Callable[[str], None] = print) -> dict[str, floa
     figures: dict[str, float] = {}
     for spacing in SPACINGS:
         mapper = explored(world, spacing)
-        times = np.array(drive(mapper, world, STEPS)) * 1e3
-        megabytes = most_held(world, spacing)
+        times = np.array(drive(mapper, world, steps)) * 1e3
+        megabytes = most_held(world, spacing, min(steps, MEMORY_STEPS))
         median, p95 = float(np.median(times)), float(np.percentile(times, 95))
         log(
             f"{plan.stem}, {RESOLUTION:g} m cells, viewpoints {spacing:g} m apart: {len(mapper.viewpoints)} of them, "

@@ -37,15 +37,15 @@ SETTINGS: dict[str, dict[str, str | int | float]] = {
 }
 
 
-def run(source: str = "generator:rooms", repeats: int = 7) -> dict[str, float]:
+def run(source: str = "generator:rooms", repeats: int = 7, worlds: int = WORLDS) -> dict[str, float]:
     """Measure all simulators and return milliseconds (and physics steps per second) by name."""
-    worlds = open_sources([source], 0.25, "exploration")
+    maps = open_sources([source], 0.25, "exploration")
     figures: dict[str, float] = {}
     for label, settings in SETTINGS.items():
         simulator = make_simulator(SimulatorConfig.model_validate(settings), SENSOR_RANGE)
         assert isinstance(simulator, GridSimulator | KinematicSimulator | DynamicSimulator)
         try:
-            rows = [_measure(simulator, worlds.world(index), repeats) for index in range(WORLDS)]
+            rows = [_measure(simulator, maps.world(index), repeats) for index in range(worlds)]
         finally:
             simulator.close()
         reset, scan, leg, duration = np.mean(rows, axis=0)

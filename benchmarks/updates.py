@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from benchmarks.experience import real_transitions
+from benchmarks.experience import EPISODES, real_transitions
 from benchmarks.inference import SIZES, fastest
 from common.config import NetworkConfig, RunConfig
 from common.network.graph_batch import GraphBatch
@@ -30,14 +30,20 @@ BATCH = 64
 WAYS = (("fp32", "fp32", "full"), ("bf16", "bf16", "full"), ("bf16_reduced", "bf16", "reduced"))
 
 
-def run(repeats: int = 3) -> dict[str, float]:
-    """Return viewpoints in the mean, updates per processor second, and the time of dense over ours."""
+def run(repeats: int = 3, size: int = BATCH, episodes: int = EPISODES) -> dict[str, float]:
+    """Return viewpoints in the mean, updates per processor second, and the time of dense over ours.
+
+    Args:
+        repeats: of each update; the quickest counts.
+        size: transitions of a batch.
+        episodes: from which they are drawn.
+    """
     torch.set_num_threads(1)
-    batch = real_transitions(BATCH)
+    batch = real_transitions(size, episodes)
     # As if a policy had drawn what the expert chose: on-policy returns count such steps alone.
-    batch = replace(batch, probabilities=np.full(BATCH, 0.5, dtype=np.float32))
+    batch = replace(batch, probabilities=np.full(size, 0.5, dtype=np.float32))
     results: dict[str, float] = {"updates/viewpoints": float(batch.observations.count.mean())}
-    for size, network in SIZES.items():
+    for label, network in SIZES.items():
         dense = _dense_seconds(network, batch.observations, repeats)
         for name, precision, graph in WAYS:
             network_here = network.model_copy(update={"graph": graph})
@@ -54,9 +60,9 @@ def run(repeats: int = 3) -> dict[str, float]:
                 )
                 learner = make_learner(config, torch.device("cpu"))
                 seconds = fastest(lambda learner=learner: learner.update(batch), repeats)  # type: ignore[misc]
-                results[f"updates/{size}/{name}/{stage}_per_s"] = 1.0 / seconds
+                results[f"updates/{label}/{name}/{stage}_per_s"] = 1.0 / seconds
             ours = _our_seconds(network_here, precision == "bf16", batch.observations, repeats)
-            results[f"updates/{size}/{name}/dense_over_ours"] = dense / ours
+            results[f"updates/{label}/{name}/dense_over_ours"] = dense / ours
     return results
 
 

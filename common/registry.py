@@ -79,13 +79,13 @@ class Registry:
             return
         if ":" in name:
             raise self._error(
-                f"{name!r} names no {self.word}: expected MODULE:CLASS, such as "
+                f"{name!r} is not a {self.word}: expected MODULE:CLASS, such as "
                 f"my_package.my_module:My{self.word.capitalize()}"
             )
         known = self.names()
         raise self._error(
             f"there is no {self.word} {name!r}{did_you_mean(name, known)}; {self.word}s are: {', '.join(known)}, or "
-            f"MODULE:CLASS for one of your own (docs/extending.md)"
+            "MODULE:CLASS for your own (docs/extending.md)"
         )
 
     def load(self, name: str) -> Any:

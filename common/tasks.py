@@ -36,6 +36,7 @@ class Task:
         plan_as: what planners that do not know the task are asked for: `exploration` or `navigation`.
         reference: classical planner whose route a policy of the features `guided` sees, and which decides where a
             shipped policy does not.
+        in_the_open: classical planner that decides instead of `reference` in the open, as in forests.
         fallback: classical planner that relieves another one on a robot.
         goal: judges episodes on the true map; called with a `TaskConfig` and this task, it returns an
             `actors.tasks.Goal`. Or its MODULE:NAME, so that a robot need not import it.
@@ -48,6 +49,7 @@ class Task:
     needs_target: bool
     plan_as: str
     reference: str
+    in_the_open: str
     fallback: str
     goal: str | Callable[..., Any]
     expert: str | Callable[..., Any] | None = None
@@ -98,6 +100,7 @@ EXPLORATION: Final = Task(
     needs_target=False,
     plan_as="exploration",
     reference="tour",
+    in_the_open="greedy",
     fallback="nearest",
     goal="actors.tasks.exploration:ExplorationGoal",
     expert="actors.expert.exploration:make_expert",
@@ -109,6 +112,7 @@ NAVIGATION: Final = Task(
     needs_target=True,
     plan_as="navigation",
     reference="dstar_lite",
+    in_the_open="dstar_lite",
     fallback="astar",
     goal="actors.tasks.navigation:NavigationGoal",
     expert="actors.expert.navigation:make_expert",

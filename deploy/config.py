@@ -28,54 +28,56 @@ class SensingConfig(Section):
     pose: Literal["odometry", "tf"] = "odometry"
     """Where poses come from: the odometry's own pose in the map frame, or map -> odom -> base by TF."""
     points_frame: Literal["map", "sensor"] = "map"
-    """Frame of the point cloud: registered in the map already, or as the sensor sees it."""
+    """Frame of the point cloud: `map` if it is already registered, `sensor` if it is raw."""
     sensor_height: float = 0.4
-    """Height of the lidar above the floor, metres, for clouds in the sensor's frame."""
+    """Height of the lidar above the floor, metres; for clouds in the sensor frame."""
     pose_height: float = 0.0
-    """Height above the floor of what the odometry tells the pose of, metres; 0 for a base on the floor."""
+    """Height above the floor of the frame whose pose the odometry reports, metres; 0 for a base on the floor."""
     sensor_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """x, y (metres) and yaw (radians) of the lidar in the base frame, where TF does not tell."""
+    """x, y (metres) and yaw (radians) of the lidar in the base frame, used when TF has no transform for it."""
     height_min: float = 0.15
-    """Points below this height above the robot's floor are ground, metres."""
+    """Points lower than this above the robot's floor are ground, metres."""
     height_max: float = 1.5
-    """Points above this height above the robot's floor are ignored, metres."""
+    """Points higher than this above the robot's floor are ignored, metres."""
     range_min: NonNegative = 0.3
-    """Nearer readings are the robot itself, metres."""
+    """Readings closer than this are the robot itself, metres."""
     range_max: Positive | None = None
-    """Longer readings count as nothing met, metres; the mapping's sensor range when not given."""
+    """Readings beyond this count as no return, metres. Default: `mapping.sensor_range`."""
     range_noise: NonNegative = 0.03
-    """Standard deviation of the sensor's ranges, metres: a return so near before a cell's border is one of the next."""
+    """Standard deviation of the sensor's ranges, metres: a return this close before a cell border is assigned to the
+    next cell."""
     beams: Annotated[int, Field(ge=90, le=7200)] = 720
-    """Beams into which a point cloud is projected."""
+    """Number of beams into which a point cloud is projected."""
     probability_hit: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.7
-    """Occupancy that a return tells of its cell."""
+    """Occupancy probability of a cell with a return."""
     probability_miss: Annotated[float, Field(gt=0.0, lt=0.5)] = 0.4
-    """Occupancy that a passing beam tells of a cell."""
+    """Occupancy probability of a cell that a beam passes through."""
     probability_limits: tuple[float, float] = (0.12, 0.97)
-    """Log-odds are clamped here, so that the map stays able to change."""
+    """Clamping bounds of the occupancy probability; they keep the map able to change."""
     occupied_above: Fraction = 0.65
-    """A cell more probable than this is occupied."""
+    """Cells above this probability are occupied."""
     free_below: Fraction = 0.35
-    """A cell less probable than this is free; between the two it keeps what it was, unknown at first."""
+    """Cells below this probability are free; in between a cell keeps its state, which is unknown at first."""
     grid_occupied: Annotated[int, Field(ge=1, le=100)] = 65
-    """Values of an OccupancyGrid from here on are occupied."""
+    """OccupancyGrid values from this on are occupied."""
     grid_free: Annotated[int, Field(ge=0, le=99)] = 25
-    """Values of an OccupancyGrid up to here are free; between the two they are unknown."""
+    """OccupancyGrid values up to this are free; values in between are unknown."""
     hole_area: NonNegative = 1.0
-    """In exploration, an unknown area that known cells enclose and that is no larger counts as an obstacle and not as
-    something to explore, square metres; 0 for none."""
+    """In exploration, unknown areas enclosed by known cells and no larger than this are treated as obstacles instead of
+    being explored, m²; 0 disables it."""
     octomap: bool = False
     """Build a 3D OctoMap from point clouds (needs pyoctomap) and project it."""
     octomap_resolution: Positive = 0.2
-    """Voxel of the OctoMap, metres."""
+    """Voxel size of the OctoMap, metres."""
     pose_tolerance: Positive = 0.2
-    """A scan waits for a pose at most so much later or earlier than its stamp, seconds; else it is dropped."""
+    """Maximum difference between the stamps of a scan and of its pose, seconds; scans without such a pose are
+    dropped."""
 
     @field_validator("sensor_offset")
     @classmethod
     def _yaw_is_in_radians(cls, value: tuple[float, float, float]) -> tuple[float, float, float]:
         if abs(value[2]) > 2.0 * pi:
-            raise ValueError("the third number is a yaw in radians, at most 2 pi: is it in degrees?")
+            raise ValueError("the third number is a yaw in radians, at most 2 pi in magnitude; is it in degrees?")
         return value
 
     @model_validator(mode="after")
@@ -93,89 +95,91 @@ class SensingConfig(Section):
         if not 0.0 < lowest < self.free_below or not self.occupied_above < highest < 1.0:
             raise ValueError(
                 f"probability_limits {self.probability_limits} must lie in (0, 1), the first below free_below "
-                f"({self.free_below}) and the second above occupied_above ({self.occupied_above}): no cell could "
-                "become free or occupied otherwise"
+                f"({self.free_below}) and the second above occupied_above ({self.occupied_above}): otherwise no cell "
+                "could become free or occupied"
             )
         return self
 
 
 class DecisionConfig(Section):
-    """What is decided, by whom and how often."""
+    """What the robot decides, with which planner, and how often."""
 
     task: str = "exploration"
-    """What the robot must do: `exploration`, `navigation`, one that an installed package adds, or MODULE:NAME."""
+    """`exploration`, `navigation`, the name of a task from an installed package, or MODULE:NAME."""
     planner: str = "hdplanner"
-    """Name of the planner (`hd-eval planners`), or MODULE:CLASS of one's own; `hdplanner` is a trained policy."""
+    """Name of a planner (`hd-eval planners`) or MODULE:CLASS; `hdplanner` is a trained policy."""
     policy: str | None = None
-    """Weights of `hdplanner`: a .safetensors file with its card, or an .onnx file, as `hd-learner export` writes them;
-    the shipped ones when not given."""
+    """Weights of `hdplanner`: a .safetensors file with its card, or an .onnx file, as `hd-learner export` writes them.
+    Default: the shipped weights."""
     live_run: str | None = None
-    """Take the weights of `hdplanner` live from the learner of this run, and only when it is named here."""
+    """Follow the weights of this run's learner while it trains. Off by default."""
     live_connect: tuple[str, ...] = ()
     """Endpoints of that learner."""
     live_tls: tuple[str, str, str] | None = None
-    """Files for that learner's TLS, as `hd-learner certificates` makes them: authority, certificate, key."""
+    """TLS files for that learner, from `hd-learner certificates`: authority, certificate, key."""
     fallback: str | None = None
-    """Planner that takes over when the other fails, loops or makes no progress; that of the task when not given:
-    `nearest` for exploration, `astar` for navigation."""
+    """Planner that takes over when the main one fails, loops or makes no progress. Default: `nearest` for exploration,
+    `astar` for navigation."""
     relief: Positive = 30.0
-    """How long the fallback decides then, seconds."""
+    """How long the fallback keeps deciding after it took over, seconds."""
     rate: Positive = 2.0
-    """Decisions per second while the robot stands, and at most between two arrivals, Hz."""
+    """Decisions per second while the robot stands, and the maximum while it drives to a waypoint, Hz."""
     replan: Literal["seen", "always"] = "seen"
-    """When to decide between two arrivals: `seen`, as soon as nothing is left to see from where the robot is going;
-    `always`, at the rate: planners then waver between two ways, and explore half as much in the same time."""
+    """When to decide again on the way to a waypoint. `seen`: once nothing is left to see from there. `always`: at
+    `decision.rate`; planners then tend to oscillate between two routes and explore half as much in the same time."""
     arrival_radius: Positive = 0.5
     """A waypoint counts as reached within this distance, metres."""
     goal_radius: Positive = 0.8
     """The navigation target counts as reached within this distance, metres."""
     goal: Point | None = None
-    """Navigation target (x, y) in the map frame, metres, when no topic gives one."""
+    """Navigation target (x, y) in the map frame, metres; used until a topic or command gives one."""
     goal_reach: Positive = 500.0
-    """Targets farther from the robot are refused, metres: planning takes memory with the square of the distance."""
+    """Maximum distance of a target from the robot, metres; farther ones are rejected, because the planner's memory
+    grows with the square of the distance."""
     completion_checks: Annotated[int, Field(ge=1)] = 5
-    """The planner must say so many times in a row, on new maps, that nothing is left before the task ends."""
+    """The task ends after the planner has reported this many times in a row, each on a new map, that nothing is
+    left."""
     status_rate: Positive = 2.0
-    """Messages of status per second, Hz."""
+    """Rate of status messages, Hz."""
     markers_rate: NonNegative = 1.0
-    """Markers and belief per second, Hz; 0 for none."""
+    """Rate of markers and belief, Hz; 0 disables them."""
     return_home: bool = False
-    """Drive back to where the task began when it is done."""
+    """Return to where the task began once it is done."""
     autostart: bool = False
-    """Start as soon as map and pose are there, without a command."""
+    """Start without a command, as soon as map and pose are available."""
 
 
 class DrivingConfig(Section):
-    """The bridge's own local planner, for robots without one."""
+    """The bridge's local planner, for robots without one."""
 
     enabled: bool = False
     """Publish velocities; otherwise the robot's own stack drives to the waypoints."""
     message: Literal["Twist", "TwistStamped"] = "Twist"
     """Type on the velocity topic (nav2 up to jazzy: Twist, from kilted: TwistStamped)."""
     rate: Positive = 20.0
-    """Control commands per second, Hz."""
+    """Rate of velocity commands, Hz."""
     max_speed: Positive = 1.0
-    """m/s."""
+    """Maximum speed, m/s."""
     max_turn_rate: Positive = 1.5
-    """rad/s."""
+    """Maximum turn rate, rad/s."""
     max_acceleration: Positive = 1.0
-    """m/s2."""
+    """Maximum acceleration, m/s²."""
     max_turn_acceleration: Positive = 3.0
-    """rad/s2."""
+    """Maximum angular acceleration, rad/s²."""
     robot_radius: Positive = 0.25
-    """Radius of the robot's circle, metres; with a footprint that of the largest circle within it."""
+    """Radius of a circular robot, metres. Default with a footprint: its largest inscribed circle."""
     footprint: tuple[Point, ...] = ()
-    """Corners (x, y) of the robot's outline in its own frame, metres: convex, and around (0, 0). Empty for a circle.
-    Velocities are checked with it; the graph keeps room for it in every direction unless `mapping.robot_radius` is
-    given."""
+    """Corners (x, y) of the robot's outline in its base frame, metres: convex and containing (0, 0). Empty for a
+    circle. Velocities are checked against it; the graph keeps room for it in every direction unless
+    `mapping.robot_radius` is given."""
     clearance: NonNegative = 0.05
-    """Room kept beyond the radius, metres."""
+    """Margin beyond the radius, metres."""
     lookahead: Positive = 0.8
-    """Distance of the point that is steered for, metres."""
+    """Distance to the point that the robot steers for, metres."""
     costmap_size: Positive = 8.0
     """Side of the local costmap, metres."""
     costmap_resolution: Positive = 0.1
-    """Cell of the local costmap, metres."""
+    """Cell size of the local costmap, metres."""
 
     @model_validator(mode="after")
     def _circle_lies_within_footprint(self) -> DrivingConfig:
@@ -197,37 +201,37 @@ class DrivingConfig(Section):
 
 
 class SafetyConfig(Section):
-    """What makes the robot stop."""
+    """When the robot stops."""
 
     scan_timeout: Positive = 1.0
-    """Zero velocity when no scan or cloud came for so long, seconds; maps may come only once."""
+    """Stop when no scan or cloud has arrived for this long, seconds. Occupancy grids are exempt: a SLAM may publish
+    only once."""
     pose_timeout: Positive = 1.0
-    """Zero velocity when no pose came for so long, seconds."""
+    """Stop when no pose has arrived for this long, seconds."""
     min_beams: Fraction = 0.1
-    """A scan or cloud in which a smaller share of beams or points tells anything is blind: three in a row stop the
-    robot."""
+    """A scan or cloud with a smaller share of usable beams or points counts as blind; three in a row stop the robot."""
     bridge_timeout: Positive = 0.3
-    """The watchdog sends zero velocity when the bridge was silent for so long, seconds."""
+    """The watchdog sends zero velocity when the bridge has been silent for this long, seconds."""
     zero_for: Positive = 5.0
-    """How long the watchdog goes on sending zeros after the bridge has gone, seconds."""
+    """How long the watchdog keeps sending zero velocity after the bridge has gone, seconds."""
     pose_jump: Positive = 1.0
-    """A pose that moves farther than the speed limit allows and this between two messages stops the robot, metres."""
+    """Stop when a pose moves farther between two messages than the speed limit allows plus this, metres."""
     speed_limit: Positive = 2.0
-    """The watchdog never lets more through, m/s."""
+    """Upper limit of the speed that the watchdog lets through, m/s."""
     turn_limit: Positive = 3.0
-    """The watchdog never lets more through, rad/s."""
+    """Upper limit of the turn rate that the watchdog lets through, rad/s."""
     geofence: tuple[Point, ...] = ()
-    """Polygon (x, y in the map frame) that the robot must not leave with any part of its footprint; empty for none."""
+    """Polygon (x, y in the map frame) that no part of the robot may leave; empty for none."""
     joy_deadband: Fraction = 0.1
-    """A stick axis moved beyond this takes over."""
+    """Moving a stick axis beyond this takes over manual control."""
     joy_axes: tuple[Annotated[int, Field(ge=0)], ...] = (0, 1, 3, 4)
-    """Axes of the joystick that are sticks; empty for all. A game pad's triggers rest at 1 and must not be here."""
+    """Joystick axes that are sticks; empty for all. Leave out a game pad's triggers: they rest at 1."""
     joy_release: Positive = 3.0
-    """The bridge goes on this long after the sticks came to rest, seconds."""
+    """The bridge resumes this long after the sticks have been released, seconds."""
     progress_time: Positive = 30.0
-    """No new area and no nearer goal for so long counts as no progress, seconds."""
+    """Time without new area or getting closer to the goal that counts as no progress, seconds."""
     blacklist_time: Positive = 120.0
-    """A place that could not be reached is left alone for so long, seconds."""
+    """How long a place that could not be reached is avoided, seconds."""
 
     @model_validator(mode="after")
     def _fence_is_polygon(self) -> SafetyConfig:
@@ -245,19 +249,19 @@ class RobotMappingConfig(MappingConfig):
     resolution: Positive = 0.2
     """Belief cell, metres."""
     viewpoint_spacing: Positive = 4.0
-    """Side of the squares that hold viewpoints, metres; a fifth of the sensor range when not given, as in training."""
+    """Side of the squares that hold viewpoints, metres. Default: a fifth of the sensor range, as in training."""
     robot_radius: NonNegative = 0.3
-    """Room that the viewpoint graph keeps for the robot's centre, metres: no edge leads through less clearance;
-    that of the robot, or of the circle around its footprint, and `driving.clearance` together when not given. A robot
-    that is longer than wide passes narrower doors with a smaller one, down to `driving.robot_radius`."""
+    """Clearance that the viewpoint graph keeps around the robot's centre, metres. Default: the radius of the robot, or
+    of the circle around its footprint, plus `driving.clearance`. For a robot that is longer than wide, a smaller value
+    down to `driving.robot_radius` opens narrower doors."""
 
 
 class DeployConfig(Section):
     """A whole bridge: for what puts its parts together. A part takes the sections that it reads."""
 
     name: str = ""
-    """Name of the robot: its prefix on the bus for commands (`hd/<name>/control`); letters a-z, digits, dashes. When
-    not given it is `ros.namespace`, else `robot`; no two bridges of one network may have the same."""
+    """Name of the robot and prefix of its commands on the bus (`hd/<name>/control`); letters a-z, digits, dashes.
+    Default: `ros.namespace`, else `robot`. Unique among the bridges of a network."""
     ros: RosConfig = Field(default_factory=RosConfig)
     """ROS 2 over Zenoh."""
     frames: FramesConfig = Field(default_factory=FramesConfig)
@@ -271,9 +275,9 @@ class DeployConfig(Section):
     decision: DecisionConfig = Field(default_factory=DecisionConfig)
     """What is decided."""
     driving: DrivingConfig = Field(default_factory=DrivingConfig)
-    """The own local planner."""
+    """The local planner."""
     safety: SafetyConfig = Field(default_factory=SafetyConfig)
-    """What makes the robot stop."""
+    """When the robot stops."""
 
     @field_validator("name")
     @classmethod

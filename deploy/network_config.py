@@ -10,35 +10,36 @@ from common.config import Section
 
 
 class RosConfig(Section):
-    """ROS 2 over Zenoh: how topics become keys, and whom to connect to."""
+    """ROS 2 over Zenoh: how topics map to keys, and where to connect."""
 
     layout: Literal["rmw_zenoh", "ros2dds"] = "rmw_zenoh"
     """Key layout: `rmw_zenoh` for robots whose RMW is Zenoh, `ros2dds` behind a zenoh-bridge-ros2dds."""
     distro: Literal["humble", "jazzy", "kilted"] = "jazzy"
-    """ROS 2 distribution whose message definitions are spoken."""
+    """ROS 2 distribution whose message definitions are used."""
     domain: Annotated[int, Field(ge=0, le=232)] = 0
     """ROS_DOMAIN_ID."""
     namespace: str = ""
-    """Namespace put before every relative topic name, such as `robot1`."""
+    """Prefix of every relative topic name, such as `robot1`."""
     node: str = "hd_bridge"
-    """Name of the node that `ros2 node list` shows."""
+    """Node name in `ros2 node list`."""
     mode: Literal["auto", "peer", "client"] = "auto"
-    """How to join: `peer` talks to the other nodes directly, as ROS 2 nodes on one machine do; `client` goes through
-    the router, as a router on another machine needs it; `auto` is `peer` where `connect` names this machine alone."""
+    """How to join the network. `peer`: talk to the other nodes directly, as ROS 2 nodes on one machine do. `client`: go
+    through the router, as needed when it runs on another machine. `auto`: `peer` if `connect` names only this machine,
+    else `client`."""
     connect: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
     """Zenoh endpoints to connect to: the robot's `rmw_zenohd` router or its zenoh-bridge-ros2dds."""
     listen: tuple[str, ...] = ()
-    """Zenoh endpoints to listen on, when there is no router at all: the bridge is one then."""
+    """Zenoh endpoints to listen on; the bridge then acts as the router."""
     tls_ca: str | None = None
-    """Certificate of the authority, as `hd-learner certificates` makes it: with it all links of this network use mutual
-    TLS, and nothing enters beside it."""
+    """Certificate of the authority, from `hd-learner certificates`. Setting it makes all links of this network use
+    mutual TLS; unencrypted links are refused."""
     tls_certificate: str | None = None
-    """This process's certificate; that of a process that listens must name the addresses that others connect to."""
+    """This process's certificate. If the process listens, it must name the addresses that others connect to."""
     tls_key: str | None = None
     """Private key of the certificate."""
     tls_access: str | None = None
-    """JSON file of Zenoh's access rules, where the bridge listens: who, by certificate, may publish and command what.
-    Everybody with a certificate of the authority may do everything when not given."""
+    """Zenoh access rules (JSON), enforced where the bridge listens: which certificate may publish and command what.
+    Default: every certificate of the authority may do everything."""
 
 
 class FramesConfig(Section):
@@ -47,9 +48,9 @@ class FramesConfig(Section):
     map: str = "map"
     """Fixed frame in which the robot plans."""
     odom: str = "odom"
-    """Frame of the odometry, where the profile uses TF."""
+    """Odometry frame, when poses come from TF."""
     base: str = "base_link"
-    """The robot's own frame."""
+    """The robot's base frame."""
 
     @field_validator("map", "odom", "base")
     @classmethod
@@ -59,9 +60,9 @@ class FramesConfig(Section):
 
 
 class TopicsConfig(Section):
-    """Topic names, ROS types where a robot may choose, and an empty name for a topic that is not used.
+    """Topic names and their ROS types; an empty name disables a topic.
 
-    Names that begin with `/` are absolute, others stand below `ros.namespace`.
+    Names that begin with `/` are absolute; all others are below `ros.namespace`.
     """
 
     odometry: str = "/odom"
@@ -77,23 +78,24 @@ class TopicsConfig(Section):
     tf_static: str = "/tf_static"
     """IN tf2_msgs/TFMessage, latched."""
     goal: str = "/goal_point"
-    """IN geometry_msgs/PointStamped: a target, for which an exploration is left."""
+    """IN geometry_msgs/PointStamped: a target; interrupts an exploration."""
     goal_pose: str = ""
-    """IN geometry_msgs/PoseStamped: a target, as RViz's goal tool publishes it."""
+    """IN geometry_msgs/PoseStamped: a target, as published by RViz's goal tool."""
     navigate_action: str = "~/navigate_to_pose"
-    """ACTION nav2_msgs/NavigateToPose of the bridge's own node: a target, and when it is reached. Over Zenoh alone."""
+    """ACTION nav2_msgs/NavigateToPose of the bridge's node: a target, with feedback and result. Only over Zenoh."""
     start: str = "/start_exploration"
-    """IN std_msgs/Bool: true starts."""
+    """IN std_msgs/Bool: true starts the task."""
     command: str = "/hd/command"
     """IN std_msgs/String: start, pause, resume, abort, return_home, reset, explore, stop, status, `goal X Y`."""
     emergency_stop: str = "/hd/emergency_stop"
-    """IN std_msgs/Bool: true latches the stop, whoever publishes it; only `hd-deploy command release` releases it."""
+    """IN std_msgs/Bool: true latches the emergency stop, whoever publishes it; only `hd-deploy command release`
+    releases it."""
     joy: str = "/joy"
-    """IN sensor_msgs/Joy: a moved stick takes over."""
+    """IN sensor_msgs/Joy: moving a stick takes over manual control."""
     waypoint: str = "/way_point"
-    """OUT geometry_msgs/PointStamped: where to go next."""
+    """OUT geometry_msgs/PointStamped: the next waypoint."""
     waypoint_pose: str = ""
-    """OUT geometry_msgs/PoseStamped: the same for nav2 (`/goal_pose`)."""
+    """OUT geometry_msgs/PoseStamped: the next waypoint for nav2 (`/goal_pose`)."""
     path: str = "/hd/path"
     """OUT nav_msgs/Path: the route beyond the waypoint."""
     beacon: str = "/hd/beacon"
@@ -101,19 +103,19 @@ class TopicsConfig(Section):
     status: str = "/hd/status"
     """OUT std_msgs/String: JSON of state, reason, explored area, distance, decision time."""
     acknowledgement: str = "/hd/acknowledgement"
-    """OUT std_msgs/String: JSON answer to every command."""
+    """OUT std_msgs/String: answer to every command, as JSON."""
     diagnostics: str = "/diagnostics"
-    """OUT diagnostic_msgs/DiagnosticArray: task, inputs, planner and watchdog, each with its level."""
+    """OUT diagnostic_msgs/DiagnosticArray: levels of task, inputs, planner and watchdog."""
     markers: str = "/hd/markers"
     """OUT visualization_msgs/MarkerArray: graph, frontiers, beacons, attention."""
     scene: str = "/hd/scene"
     """OUT std_msgs/String: JSON of the same for pages and programs, with the probabilities of beacons and waypoints."""
     belief: str = "/hd/belief"
-    """OUT nav_msgs/OccupancyGrid, transient local: what the planner believes."""
+    """OUT nav_msgs/OccupancyGrid, transient local: the planner's map."""
     watchdog: str = "/hd/watchdog"
-    """OUT std_msgs/String, transient local: JSON of the watchdog's mode, reason and ages of what it hears."""
+    """OUT std_msgs/String, transient local: the watchdog's mode, reason and the age of each of its inputs, as JSON."""
     velocity: str = "/cmd_vel"
-    """OUT geometry_msgs/Twist or TwistStamped: owned by the watchdog process."""
+    """OUT geometry_msgs/Twist or TwistStamped: published only by the watchdog."""
     stop: str = ""
     """OUT std_msgs/Int8 of the CMU stack: 0 go, 1 zero linear, 2 also zero yaw."""
     speed: str = ""
@@ -131,4 +133,4 @@ class TopicsConfig(Section):
     time_duration: str = "/time_duration"
     """OUT std_msgs/Float32: seconds since the first motion."""
     remap: dict[str, str] = Field(default_factory=dict)
-    """Topic names replaced after everything else: from the name above to the robot's own."""
+    """Replaces topic names after everything else: from the name given above to the robot's own."""

@@ -33,7 +33,7 @@ def edges_of(corners: Sequence[Corner]) -> list[Edge]:
         if any(normal[0] * x + normal[1] * y > offset + _SLACK for x, y in ordered):
             raise ValueError("a footprint must be convex: give the corners of its convex hull")
         if offset <= _SLACK:
-            raise ValueError("a footprint must lie around (0, 0), the centre of the robot's own frame")
+            raise ValueError("a footprint must contain (0, 0), the origin of the robot's base frame")
         edges.append((*normal, offset))
     return edges
 

@@ -207,7 +207,7 @@ def _check_names(actors: Sequence[str], robots: Sequence[str]) -> None:
         if name in (LEARNER, OPERATOR, "ca", "access", "names"):
             raise ConfigError(f"{name!r} is a reserved name: choose another for this actor host or robot")
         if names.count(name) > 1:
-            raise ConfigError(f"{name!r} is given twice: actor hosts and robots need names of their own")
+            raise ConfigError(f"{name!r} is given twice: actor hosts and robots need unique names")
     for name in actors:
         for other in actors:
             if other.startswith(f"{name}-"):

@@ -43,7 +43,7 @@ class Control:
         """
         act = self._verbs.get(request.verb)
         if act is None:
-            raise HDError(f"the learner knows {', '.join(self._verbs)}, got {request.verb!r}")
+            raise HDError(f"expected one of {', '.join(self._verbs)}, got {request.verb!r}")
         if request.verb != "status":
             logger.info("command: %s", request.verb)
         act()

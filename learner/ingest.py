@@ -79,12 +79,13 @@ class Ingest:
         self._keep_replay = config.checkpoints.replay
         self._journal = journal
         certified = certified_hosts(config.bus)
-        host = partial(host_of, certified=certified)
+        self.host_of: Callable[[str], str] = partial(host_of, certified=certified)
+        """Tells the host of an actor."""
         self._rounds = EvaluationRounds(
             config.maps.validation_count, Evaluators.of(config, certified, evaluators), lambda: self.version
         )
         self._finished_rounds: SimpleQueue[Round] = SimpleQueue()
-        self._seen = SeenSet(host)
+        self._seen = SeenSet(self.host_of)
         # Last arrival number of the replay buffer that each journal segment holds.
         self._segment_ends: dict[int, int] = {}
         self._lock = threading.Lock()
@@ -219,7 +220,7 @@ class Ingest:
             except CheckpointError as error:
                 if segment >= place:
                     raise
-                logger.error("%s; the replay buffer goes on without the rest of it", error)
+                logger.error("%s; the replay buffer continues without the rest of it", error)
         if self._journal.losses and (missing := missing_deliveries(self._seen)):
             logger.error("deliveries that the damage has cost: %s", missing)
         if self.poisoned:
@@ -289,8 +290,8 @@ class Ingest:
             raise RefusedError(refusal)
         if self._seen.full and not self._seen.knows(delivery.actor, delivery.incarnation):
             raise RefusedError(
-                f"this run has had {MAX_CLOSED:,} processes of actors and takes no further ones: somebody invents "
-                "names; use certificates (docs/bus.md), and begin another run"
+                f"this run has had {MAX_CLOSED:,} actor processes and accepts no more: a client invents names; use "
+                "certificates (docs/bus.md), and start another run"
             )
 
     def _fill(self, delivery: Delivery, segment: int) -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import re
 import subprocess
 import threading
 from collections.abc import Sequence
@@ -13,7 +12,7 @@ from common.config import BusConfig
 from common.errors import ConfigError
 from common.system.closing import Closing
 from common.system.runtime import process_environment, python_module
-from common.system.threads import guarded
+from learner.child_log import pass_on_log
 
 logger = logging.getLogger(__name__)
 actor_log = logging.getLogger("actors")
@@ -21,8 +20,6 @@ actor_log = logging.getLogger("actors")
 LOCAL = "local"
 """What the names of local actors begin with: the host that they count as."""
 STOP_SECONDS = 4.0
-# A line of an actor's log: name of the actor (none for its supervisor), time, level, logger, message.
-_LOG_LINE = re.compile(r"(?:([a-z0-9-]+) \| )?[0-9-]+ [0-9:,]+ (DEBUG|INFO|WARNING|ERROR) +([\w.]+): (.*)")
 
 
 def local_endpoint(listen: str) -> str:
@@ -51,8 +48,8 @@ class LocalActors(Closing):
     def __init__(self, bus: BusConfig, run: str, number: int, prefix: str = LOCAL, options: Sequence[str] = ()) -> None:
         if bus.tls_ca is not None:
             raise ConfigError(
-                "local actors (--actors) have no certificates of their own: with TLS start them with `hd-actor` and "
-                "their certificate"
+                "local actors (--actors) have no certificates: with TLS, start them with `hd-actor` and their "
+                "certificate"
             )
         command = python_module("actors", "--num", str(number), "--connect", local_endpoint(bus.listen))
         command += ["--run", run, "--name", prefix, *options]
@@ -92,22 +89,8 @@ class LocalActors(Closing):
 
     def _read(self) -> None:
         assert self._process.stdout is not None
-        pass_on = guarded("passing on the log of the local actors", _pass_on)
-        with self._process.stdout as lines:
-            for line in lines:
-                if line.strip():
-                    pass_on(line.rstrip())
+        pass_on_log(self._process.stdout, actor_log, "the local actors")
         code = self._process.wait()
         if not self._stopping:
             level = logging.ERROR if code else logging.INFO
             logger.log(level, "the local actors have ended with exit code %d; training waits for others", code)
-
-
-def _pass_on(line: str) -> None:
-    """Put a line of the actors into our log, at its own level and without a second time."""
-    found = _LOG_LINE.fullmatch(line)
-    if found is None:
-        actor_log.info("%s", line)
-    else:
-        name, level, logger_name, message = found.groups()
-        actor_log.log(logging.getLevelNamesMapping()[level], "%s", f"{name or logger_name}: {message}")

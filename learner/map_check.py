@@ -50,14 +50,22 @@ def _check(specs: list[str], task: str, config: RunConfig) -> None:
     command = python_module("actors.maps", "check", "--task", task)
     if config.maps.metres_per_pixel is not None:
         command += ["--scale", str(config.maps.metres_per_pixel)]
-    done = subprocess.run(
-        [*command, "--", *specs],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=_SECONDS,
-        check=False,
-    )
+    try:
+        done = subprocess.run(
+            [*command, "--", *specs],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=_SECONDS,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        logger.warning(
+            "the maps could not be checked within %g s, so the run starts unchecked: actors name a source that they "
+            "cannot use",
+            _SECONDS,
+        )
+        return
     if done.returncode == 0:
         return
     said = [line for line in done.stderr.splitlines() if line.strip()]
@@ -66,4 +74,6 @@ def _check(specs: list[str], task: str, config: RunConfig) -> None:
         # The check itself failed, for example without the packages that actors need.
         logger.warning("the maps could not be looked at here: %s", said[-1] if said else "the check said nothing")
         return
-    raise ConfigError(f"maps of the run: {problem}. Where maps lie on the actors' machines alone, add --maps-elsewhere")
+    raise ConfigError(
+        f"maps of the run: {problem}. If the maps exist only on the actors' machines, add --maps-elsewhere"
+    )

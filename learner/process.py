@@ -24,20 +24,22 @@ from common.messages.replies import Spec
 from common.messages.weights import Weights
 from common.page.options import PageSettings, announcement
 from common.system.closing import Closing
+from common.system.metrics_server import MetricsServer
 from common.system.runtime import cores_left, limit_threads
 from common.system.signals import stopping_signals
 from common.system.threads import Ticker
 from learner.algorithm.base import PublishedVersion
 from learner.algorithm.device import choose_device
-from learner.algorithm.factory import make_learner
 from learner.control import Control
 from learner.local_actors import LOCAL, LocalActors
 from learner.loop import train
 from learner.page.process import start_page
+from learner.ranks.team import open_learner
 from learner.rivals import Rivals
 from learner.run.folder import RunFolder
 from learner.trainer import Trainer
 from learner.warmup import warm_up
+from learner.watch.prometheus import learner_figures
 from learner.watch.report import Reporter
 from learner.watch.status import LearnerStatus
 from learner.watch.view import View
@@ -52,18 +54,22 @@ SECOND_SECONDS = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Companions:
-    """Actors to start beside the learner.
+    """Processes to start beside the learner.
 
     Attributes:
         actors: number that collect experience.
         evaluators: number that evaluate published versions.
+        learners: processes that share each update, the learner's own among them.
         options: further options of `hd-actor`.
+        metrics: host and port on which the learner serves its figures for Prometheus; None for none.
         page: how to serve the page; None without one.
     """
 
     actors: int = 0
     evaluators: int = 0
+    learners: int = 1
     options: tuple[str, ...] = ()
+    metrics: tuple[str, int] | None = None
     page: PageSettings | None = None
 
 
@@ -114,6 +120,7 @@ class Link(Closing):
             self._learner,
             trainer.ingest.store,
             when_durable=trainer.commit.when_synced if trainer.config.journal.acknowledge == "disk" else None,
+            host_of=trainer.ingest.host_of,
         )
 
     def _close_server(self) -> None:
@@ -150,7 +157,9 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
         HDError: when the bus cannot be joined, the run cannot be continued, or training diverges.
     """
     config = run.config
-    limit_threads(config.learner.threads or cores_left(companions.actors + companions.evaluators))
+    cores = cores_left(companions.actors + companions.evaluators)
+    threads = config.learner.threads or max(1, cores // companions.learners)
+    limit_threads(threads)
     learner = new_incarnation()
     with contextlib.ExitStack() as stack:
         # The bus comes first: a port that is taken is found before the networks are made.
@@ -169,18 +178,20 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
                 )
             publisher.publish(newest, averaged)
 
-        algorithm = make_learner(config, device)
+        algorithm = stack.enter_context(open_learner(config, device, companions.learners, threads))
         trainer = Trainer(run, algorithm, publish, [LOCAL] if companions.evaluators else [])
         stack.callback(trainer.close)
         if resume:
             trainer.resume()
         else:
             trainer.begin()
-        reporter = Reporter(trainer, str(algorithm.device), config.bus.listen)
+        reporter = Reporter(trainer, str(device), config.bus.listen)
         link = stack.enter_context(Link(session, trainer, learner, reporter))
         # Once more, now that others see this one: of two that started together neither has seen the other before.
         refuse_second_learner(session, config, learner)
         logger.info("run %s listens on %s", config.name, config.bus.listen)
+        if companions.metrics is not None:
+            stack.enter_context(MetricsServer(companions.metrics, lambda: learner_figures(link.status())))
         if companions.page is not None:
             page = stack.enter_context(start_page(companions.page, config, run.path))
             # Not into the log, which others may read: it holds the token.
@@ -206,7 +217,7 @@ def refuse_second_learner(session: zenoh.Session, config: RunConfig, learner: in
         BusError: there is one: actors would deliver to either, and each would train on a part.
     """
     if config.bus.connect and not wait_for_routers(session, ROUTER_SECONDS):
-        logger.warning("none of the routers %s answers yet: going on without", ", ".join(config.bus.connect))
+        logger.warning("none of the routers %s answers yet: continuing without", ", ".join(config.bus.connect))
     others = [spec for spec in specs_of(session, config.name, SECOND_SECONDS) if spec.learner != learner]
     if others:
         raise BusError(

@@ -73,7 +73,7 @@ class Quarantine:
             return
         sources = self._replay.set_aside(batch.arrivals[problem.culprits])
         logger.error(
-            "update %d gave up its batch: %s; set aside for good: %s",
+            "update %d discarded its batch: %s; permanently excluded: %s",
             update,
             problem,
             ", ".join(f"message {sequence} of {actor} (incarnation {number})" for actor, number, sequence in sources)

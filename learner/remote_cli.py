@@ -69,7 +69,9 @@ def stop(run: RunName = None, connect: Connect = None, overrides: Overrides = No
     Example: `hd-learner stop --run office`
     """
     found = _ask("stop", run, connect, overrides, timeout)
-    typer.echo(f"run {found.run} stops after {found.updates} updates; go on with `hd-learner resume --run {found.run}`")
+    typer.echo(
+        f"run {found.run} stops after {found.updates} updates; continue with `hd-learner resume --run {found.run}`"
+    )
 
 
 @command_errors
@@ -79,7 +81,7 @@ def checkpoint(
     overrides: Overrides = None,
     timeout: Timeout = CHECKPOINT_TIMEOUT,
 ) -> None:
-    """Let a running learner write a checkpoint now.
+    """Make a running learner write a checkpoint now.
 
     Example: `hd-learner checkpoint --run office`
     """
@@ -89,22 +91,22 @@ def checkpoint(
 
 @command_errors
 def pause(run: RunName = None, connect: Connect = None, overrides: Overrides = None, timeout: Timeout = 5.0) -> None:
-    """Let a running learner and its actors wait.
+    """Pause a running learner and its actors.
 
     Example: `hd-learner pause --run office`
     """
     found = _ask("pause", run, connect, overrides, timeout)
-    typer.echo(f"run {found.run} is paused at {found.updates} updates; `hd-learner unpause` lets it go on")
+    typer.echo(f"run {found.run} is paused at {found.updates} updates; `hd-learner unpause` continues it")
 
 
 @command_errors
 def unpause(run: RunName = None, connect: Connect = None, overrides: Overrides = None, timeout: Timeout = 5.0) -> None:
-    """Let a paused learner go on.
+    """Continue a paused learner.
 
     Example: `hd-learner unpause --run office`
     """
     found = _ask("resume", run, connect, overrides, timeout)
-    typer.echo(f"run {found.run} goes on from {found.updates} updates")
+    typer.echo(f"run {found.run} continues from {found.updates} updates")
 
 
 def _ask(verb: str, run: str | None, connect: str | None, overrides: list[str] | None, timeout: float) -> LearnerStatus:

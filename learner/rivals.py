@@ -48,7 +48,7 @@ class Rivals(Closing):
                 "This one began later, so it holds and takes nothing" if holds else "It began later, so it has to hold",
             )
         elif self._others - others:
-            logger.info("the other learner of run %s is gone%s", self._run, "" if not held or holds else ": going on")
+            logger.info("the other learner of run %s is gone%s", self._run, "" if not held or holds else ": continuing")
         self._others = others
         return holds
 

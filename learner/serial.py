@@ -50,7 +50,7 @@ class SerialTrainer(Trainer):
 
     def data_is_ready(self) -> bool:
         """Run episodes until the ratio allows the next update; return whether it does."""
-        assert self._collector is not None, "collect_here comes first"
+        assert self._collector is not None, "call collect_here first"
         if self._wait_for_room():
             return False
         while not (ready := self._may_learn()) and not self.finished:

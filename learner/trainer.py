@@ -30,6 +30,7 @@ from learner.run.files import DAMAGED
 from learner.run.folder import RunFolder, has_begun
 from learner.run.group_commit import GroupCommit
 from learner.run.journal import Journal
+from learner.run.mirror import Mirror
 from learner.run.summary import RunSummary, write_summary
 from learner.watch.curve_recorder import LOG_EVERY, CurveRecorder
 from learner.watch.evaluation import Round
@@ -79,6 +80,8 @@ class Trainer:
         self.best = BestPolicy(self.checkpoints, self._cards.describe)
         self._publisher = Publisher(algorithm, self.best, publish, averaged=bool(config.learner.average_decay))
         self._checkpointer = Checkpointer(config, self.checkpoints, algorithm, self._rng, self._cards.describe)
+        mirror = config.checkpoints.mirror
+        self._mirror = None if mirror is None else Mirror(run.path, self.checkpoints, mirror)
         self._stop = threading.Event()
         self._warned_unlabelled = False
         self._rounds: list[Round] = []
@@ -104,7 +107,7 @@ class Trainer:
         if self.config.learner.initial_policy is not None:
             weights, card = read_weights(Path(self.config.learner.initial_policy).expanduser())
             self.algorithm.adopt(with_features(weights, card.network, self.config.network))
-            logger.info("training goes on from the policy of run %s, %d updates", card.run, card.updates)
+            logger.info("training continues from the policy of run %s, %d updates", card.run, card.updates)
         self._open_records(episodes_length=0, updates=0)
         self.recorder.write_text("config", f"```json\n{self.config.model_dump_json(indent=2)}\n```")
         if len(self._journal.segments()) > 1:
@@ -119,7 +122,7 @@ class Trainer:
             StorageError: the disk refuses what has to be written for that.
         """
         if not has_begun(self.run.path):
-            logger.info("run %s has no checkpoint yet: it begins again", self.config.name)
+            logger.info("run %s has no checkpoint yet: starting over", self.config.name)
             self.begin()
             return
         checkpoint = self.checkpoints.load_newest()
@@ -142,6 +145,8 @@ class Trainer:
             self.ingest.episodes.close()
         self.commit.close()
         self._journal.close()
+        if self._mirror is not None:
+            self._mirror.close()
 
     def _open_records(self, episodes_length: int, updates: int) -> tuple[Ingest, CurveRecorder]:
         episodes = EpisodeLog(self.run.episodes, episodes_length, self.disk)
@@ -258,6 +263,8 @@ class Trainer:
         name = self._checkpointer.save(self.ingest, self.recorder)
         summary = self.summary()
         write_summary(self.run.path, summary)
+        if self._mirror is not None:
+            self._mirror.note()
         self.recorder.write_summary(summary.flat())
         return name
 
@@ -374,7 +381,9 @@ class Trainer:
         if self.cloning and not self.replay.labelled:
             if not self._warned_unlabelled:
                 self._warned_unlabelled = True
-                logger.warning("no labelled step has come yet, so imitation waits: actors label when cloning is on")
+                logger.warning(
+                    "no labelled step received yet, so imitation waits: actors label only if cloning is enabled"
+                )
             return False
         return self.cloning or len(self.replay) > 0
 

@@ -18,6 +18,8 @@ FROM_ROOT = {
     "security.md": "SECURITY.md",
     "changelog.md": "CHANGELOG.md",
 }
+# Examples of messages, by their name: to the site's Markdown a fence has one word.
+_NAMED_FENCE = re.compile(r"^```hex \w+$", re.MULTILINE)
 _LINK = re.compile(r"(?P<text>!?\[[^\]]*\])\((?P<path>[^()\s#]+)(?P<anchor>#[^()\s]*)?\)")
 
 
@@ -29,7 +31,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:  # noqa: ARG001 mkdocs passes all by name
-    """Let links lead to pages of the site; one to a file of the code becomes its plain text, as no site holds it."""
+    """Let links lead to pages of the site; one to a file of the code becomes plain text: the site has no code."""
     here = page.file.src_uri
     source = PurePosixPath(FROM_ROOT.get(here, f"docs/{here}"))
     pages = {path: uri for uri, path in FROM_ROOT.items()}
@@ -43,4 +45,4 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
             return match["text"][1:-1]
         return f"{match['text']}({os.path.relpath(uri, PurePosixPath(here).parent)}{match['anchor'] or ''})"
 
-    return _LINK.sub(moved, markdown)
+    return _NAMED_FENCE.sub("```text", _LINK.sub(moved, markdown))

@@ -5,3 +5,12 @@ from hypothesis import settings
 # Kernels compile in the first example, and machines are shared: an example's time says nothing.
 settings.register_profile("hdplanner", deadline=None)
 settings.load_profile("hdplanner")
+
+# Tests in which most kernels are compiled, and files of minutes: behind the first, and not left for the end of a
+# parallel run, where one process would still run them while the others have nothing to do.
+_FIRST = ("tests/actors/", "tests/common/")
+_LONG = ("tests/system/", "tests/examples/", "tests/test_docs.py")
+
+
+def pytest_collection_modifyitems(items):
+    items.sort(key=lambda item: 0 if item.nodeid.startswith(_FIRST) else 1 if item.nodeid.startswith(_LONG) else 2)

@@ -22,7 +22,7 @@ from tests.docs.commands import (
     command_lines,
 )
 from tests.docs.pages import ROOT, Page, Piece, pages
-from tests.docs.sources import FOLDERS, PACKAGES, comments, docstrings, messages, modules, path_of
+from tests.docs.sources import FOLDERS, PACKAGES, comments, definitions, docstrings, messages, modules, path_of
 
 LANGUAGES = {"sh", "python", "toml", "json", "text", "mermaid", "hex array", "hex delivery", "hex ack"}
 PYTHON = [(page, block) for page in pages() for block in page.blocks() if block.language == "python"]
@@ -284,7 +284,7 @@ def test_code_leads_to_no_document_that_is_not_here():
 def test_documented_arguments_are_taken():
     found = []
     for name, tree in modules().items():
-        for node in ast.walk(tree):
+        for node in definitions(tree):
             if isinstance(node, ast.FunctionDef):
                 found += [f"{path_of(name)}:{node.lineno}: {word}" for word in section(node, "Args") - taken(node)]
             elif isinstance(node, ast.ClassDef):
@@ -316,3 +316,9 @@ def taken(function: ast.FunctionDef) -> set[str]:
 
 def is_dataclass(node: ast.ClassDef) -> bool:
     return any("dataclass" in ast.dump(decorator) for decorator in node.decorator_list)
+
+
+def test_the_figures_of_scale_are_those_that_the_program_computes() -> None:
+    from benchmarks.scale import page
+
+    assert page() in (ROOT / "docs" / "scale.md").read_text("utf-8")

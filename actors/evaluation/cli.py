@@ -31,7 +31,7 @@ from common.tasks import EXPLORATION
 
 app = CommandApp(
     name="hd-eval",
-    help="Evaluation: run planners on maps, compare them, show and recount what they did.",
+    help="Evaluation: run planners on maps, compare them, plot and verify the results.",
     no_args_is_help=True,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
@@ -81,7 +81,7 @@ def run(
 ) -> None:
     """Run planners on maps, and write one results file per planner.
 
-    A run that was broken off goes on where it was when the same command is given again. The exit code is 1 when an
+    The same command continues an interrupted run. The exit code is 1 when an
     episode crashed; the others are not affected.
 
     Examples:
@@ -147,25 +147,32 @@ def public_maps(
 ) -> None:
     """List the public sets of maps and how to fetch them, or check a folder that should hold one.
 
-    The exit code is 1 when something is wrong with the folder.
+    With SET alone: the commands that fetch it, how to prepare it, and the settings recommended for it. The exit code
+    is 1 if the folder has problems.
 
     Examples:
     - `hd-eval maps`
+
+    - `hd-eval maps floorplans`
 
     - `hd-eval maps exploration-easy ARiADNE/DungeonMaps/easy`
     """
     from actors.maps.public_sets import PUBLIC_SETS, check_folder, find_set
 
     if name is None:
-        table = whole_table("set", "maps", "use", "licence", "fetch it", box=None, pad_edge=False)
+        table = whole_table("set", "maps", "use", "licence", "--maps", "fetch it", box=None, pad_edge=False)
         for each in PUBLIC_SETS.values():
             count = "" if each.count is None else str(each.count)
-            table.add_row(each.name, count, each.use, each.licence, each.commands)
+            table.add_row(each.name, count, each.use, each.licence, each.source, each.commands)
         output_console().print(table)
         return
     wanted = find_set(name)
     if folder is None:
-        sys.stdout.write(wanted.commands + "\n")
+        sys.stdout.write(f"{wanted.commands}\n")
+        if wanted.preparation:
+            sys.stdout.write(f"prepare: {wanted.preparation}\n")
+        settings = ", ".join(f"{path}={value}" for path, value in wanted.recommendation.settings.items())
+        sys.stdout.write(f"use: --maps {wanted.source}{f' ({settings})' if settings else ''}\n")
         return
     with Steps(message_console(), "maps") as steps:
         found = check_folder(wanted, folder, lambda files, total: steps.track(name, files, total))

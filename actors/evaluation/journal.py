@@ -109,4 +109,4 @@ def _difference(a: Any, b: Any, path: str = "") -> str:
         for key in sorted({*a, *b}):
             if a.get(key) != b.get(key):
                 return _difference(a.get(key), b.get(key), f"{path}.{key}" if path else key)
-    return f"{path.removeprefix('settings.')}: {a!r} there, {b!r} now"
+    return f"{path.removeprefix('settings.')}: {a!r} in the results, {b!r} now"

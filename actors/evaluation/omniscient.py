@@ -255,7 +255,7 @@ class OmniscientReference:
         for moment in follow(world, places(), self._mapping, self._simulator, seed=seed):
             unseen = moment.coverage.unseen_cells
             if not (moment.known and moment.clear):
-                log.debug("map %r: the way to %s is not known to be free there", world.name, driven[-1][-1])
+                log.debug("map %r: the way to %s is not known to be free", world.name, driven[-1][-1])
                 return Rehearsal(driven[:-1], False, moment.distance, unseen)
             if moment.coverage.unseen_area <= self._task.unseen_area + 1e-9:
                 return Rehearsal(driven, True, moment.distance, unseen)

@@ -54,7 +54,7 @@ TaskName = Annotated[
     typer.Option(
         "--task",
         metavar="NAME",
-        help="What is to be done: exploration, navigation, one that a package adds, or MODULE:NAME.",
+        help="Task: exploration, navigation, one from an installed package, or MODULE:NAME.",
         autocompletion=completing(TASKS),
     ),
 ]
@@ -164,7 +164,9 @@ def settings_of(
         metres_per_pixel=results.metres_per_pixel,
     )
     if settings.task.kind.name != results.task:
-        raise ConfigError(f"the results are of {results.task}, task.name says {settings.task.name}: leave it out")
+        raise ConfigError(
+            f"the results are for the task {results.task}, but task.name is {settings.task.name}: leave it out"
+        )
     return settings, WorldSet.open(settings.maps, results.task, results.metres_per_pixel, limit)
 
 

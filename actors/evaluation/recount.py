@@ -27,7 +27,7 @@ class Recount:
     Attributes:
         map: name of the map.
         distance: metres.
-        steps: number of waypoints after the start that are no corners.
+        steps: number of waypoints after the start that are not corners.
         success: the task was complete at the last waypoint.
         explored: share of the reachable free area that was seen.
         problems: disagreements and broken rules, in words; empty when all agrees.
@@ -102,7 +102,7 @@ def _compare(episode: EpisodeResult, distance: float, steps: int, success: bool,
     if abs(episode.distance_m - distance) > METRES + 1e-4 * distance:
         problems.append(f"distance_m says {episode.distance_m:.2f}, the waypoints make {distance:.2f}")
     if episode.steps != steps:
-        problems.append(f"steps says {episode.steps}, there are {steps} waypoints after the start that are no corners")
+        problems.append(f"steps says {episode.steps}, there are {steps} waypoints after the start that are not corners")
     if episode.success != success:
         problems.append(
             f"success says {str(episode.success).lower()}, but at the last waypoint the task is "

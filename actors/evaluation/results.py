@@ -191,7 +191,7 @@ def collect(places: Sequence[Path], read: Callable[[Path], A], command: str) -> 
     first = found[0]
     for file, results in zip(files, found, strict=True):
         if (results.task, results.metres_per_pixel) != (first.task, first.metres_per_pixel):
-            raise ResultsError(f"{file} is of another task or scale than {files[0]}: compare results of one kind")
+            raise ResultsError(f"{file} has another task or scale than {files[0]}: compare results of the same kind")
     planners = [results.planner for results in found]
     for name in planners:
         if planners.count(name) > 1:

@@ -208,7 +208,7 @@ def replay(
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
-    """Recount results from their waypoints alone, and say where they disagree.
+    """Recompute results from their waypoints alone, and report discrepancies.
 
     Routes are driven again in the grid simulator: every figure is recomputed and every rule of the protocol is
     checked. The exit code is 1 when something disagrees.

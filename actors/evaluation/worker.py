@@ -18,7 +18,7 @@ from dataclasses import asdict
 from typing import Any
 
 from actors.evaluation.episode import Decider, Tell
-from actors.evaluation.episodes import make_runner
+from actors.evaluation.episode_runner import EpisodeRunner
 from actors.evaluation.omniscient import OmniscientReference
 from actors.evaluation.outcome import Outcome, Place, crashed
 from actors.evaluation.settings import EvaluationSettings
@@ -26,6 +26,7 @@ from actors.evaluation.worlds import WorldSet
 from actors.maps.generators import make_generator
 from actors.maps.layout import BLOCK
 from actors.process import follow_parent
+from actors.simulators.factory import make_simulator
 from common.errors import HDError
 from common.planners.base import Planner
 from common.system.logs import setup_logging
@@ -50,7 +51,7 @@ class Worker:
         self._settings = settings
         self._tell = tell
         self.worlds = WorldSet.open(settings.maps, settings.task.name, settings.metres_per_pixel, settings.limit)
-        self._episodes = make_runner(settings)
+        self._episodes = _make_runner(settings)
         self._planners: dict[str, Planner | OmniscientReference] = {}
 
     def run(self, planner: str, number: int) -> Outcome:
@@ -126,6 +127,15 @@ def serve(settings: str) -> int:
         tell("done", asdict(worker.run(job["planner"], job["number"])))
     worker.close()
     return 0
+
+
+def _make_runner(settings: EvaluationSettings) -> EpisodeRunner:
+    """Return what runs the episodes of an evaluation; PyBullet is loaded only where it is used."""
+    if settings.large:
+        from actors.evaluation.large.episode import LargeEpisodeRunner
+
+        return LargeEpisodeRunner(settings)
+    return EpisodeRunner(settings, make_simulator(settings.simulator, settings.mapping.sensor_range))
 
 
 if __name__ == "__main__":

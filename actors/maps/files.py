@@ -101,9 +101,7 @@ def list_maps(folder: Path, places: dict[str, Places] | None = None) -> list[Map
     visible = [path for path in relative if not any(part.startswith(".") for part in path.parts)]
     deeper = [path for path in visible if path.name == FILE_NAME and len(path.parts) > 1]
     if deeper:
-        raise MapError(
-            f"{folder}: {deeper[0]} holds settings for its own folder alone: name that folder as a source of its own"
-        )
+        raise MapError(f"{folder}: {deeper[0]} applies only to its own folder: give that folder as a separate source")
     ros = [path for path in visible if path.suffix.lower() in YAML_SUFFIXES and names_image(folder / path)]
     images_of_ros = {_image_of(folder / path) for path in ros}
     images = [

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Final
 
 from actors.maps.files import MapFile, list_maps
+from actors.maps.recommended import Recommendation, read_folder, read_preset
+from actors.maps.sources import DEFAULT_SCALE
 from common.errors import ConfigError, MapError
 from common.tasks import NAVIGATION
 
@@ -25,8 +27,9 @@ class PublicSet:
         folder: of the maps within the repository.
         count: of maps; None where this project has only seen a part.
         licence: of the repository.
-        metres_per_pixel: scale that the field uses.
         use: what it may be used for.
+        preset: with the settings recommended for it; None for the defaults, which are the protocol of the public maps.
+        preparation: how its pictures become maps; empty where they are maps already.
     """
 
     name: str
@@ -35,8 +38,19 @@ class PublicSet:
     folder: str
     count: int | None
     licence: str
-    metres_per_pixel: float
     use: str
+    preset: str | None = None
+    preparation: str = ""
+
+    @property
+    def source(self) -> str:
+        """What to give to ``--maps``, with FOLDER for the folder of its maps."""
+        return "FOLDER" if self.preset is None else f"{self.preset}:FOLDER"
+
+    @property
+    def recommendation(self) -> Recommendation:
+        """The settings recommended for it, without those of the folder's own ``worlds.toml``."""
+        return Recommendation() if self.preset is None else read_preset(self.preset)
 
     @property
     def commands(self) -> str:
@@ -49,16 +63,40 @@ _ARIADNE: Final = "marmotlab/ARiADNE"
 _CONTEXT: Final = "marmotlab/Context_Aware_Navigation"
 _MIT: Final = "MIT"
 _BENCH: Final = "benchmark: never train on it"
+_START: Final = "paint the robot's start yellow, or give it as start in worlds.toml"
 
 PUBLIC_SETS: Final = {
     each.name: each
     for each in (
-        PublicSet("exploration-train", "exploration", _ARIADNE, "DungeonMaps/train", None, _MIT, 0.25, "training"),
-        PublicSet("exploration-easy", "exploration", _ARIADNE, "DungeonMaps/easy", 100, _MIT, 0.25, _BENCH),
-        PublicSet("exploration-medium", "exploration", _ARIADNE, "DungeonMaps/medium", 100, _MIT, 0.25, _BENCH),
-        PublicSet("exploration-complex", "exploration", _ARIADNE, "DungeonMaps/complex", 100, _MIT, 0.25, _BENCH),
-        PublicSet("navigation-train", "navigation", _CONTEXT, "DungeonMaps/pp/train", 5018, _MIT, 0.25, "training"),
-        PublicSet("navigation-test", "navigation", _CONTEXT, "DungeonMaps/pp/test", None, _MIT, 0.25, _BENCH),
+        PublicSet("exploration-train", "exploration", _ARIADNE, "DungeonMaps/train", None, _MIT, "training"),
+        PublicSet("exploration-easy", "exploration", _ARIADNE, "DungeonMaps/easy", 100, _MIT, _BENCH),
+        PublicSet("exploration-medium", "exploration", _ARIADNE, "DungeonMaps/medium", 100, _MIT, _BENCH),
+        PublicSet("exploration-complex", "exploration", _ARIADNE, "DungeonMaps/complex", 100, _MIT, _BENCH),
+        PublicSet("navigation-train", "navigation", _CONTEXT, "DungeonMaps/pp/train", 5018, _MIT, "training"),
+        PublicSet("navigation-test", "navigation", _CONTEXT, "DungeonMaps/pp/test", None, _MIT, _BENCH),
+        PublicSet(
+            "floorplans",
+            "exploration",
+            "castacks/MapEx",
+            "kth_test_maps",
+            None,
+            "none stated",
+            "transfer test: never train or tune on it",
+            preset="floorplans",
+            preparation=f"crop each plan to its largest connected floor at 0.1 m a pixel, and {_START}",
+        ),
+        PublicSet(
+            "cmu",
+            "exploration",
+            "marmotlab/ARiADNE-ROS-Planner",
+            "demo",
+            1,
+            _MIT,
+            "transfer test: never train or tune on it",
+            preset="cmu",
+            preparation="trace the walls of the picture demo_indoor.png at 0.25 m a pixel (130 m x 100 m), floor white "
+            f"and the rest black, and {_START}",
+        ),
     )
 }
 
@@ -79,7 +117,7 @@ class FolderCheck:
 def find_set(name: str) -> PublicSet:
     """Return a set by its name; ConfigError for an unknown one."""
     if name not in PUBLIC_SETS:
-        raise ConfigError(f"there is no public set {name!r}: expected one of {', '.join(PUBLIC_SETS)}")
+        raise ConfigError(f"unknown set {name!r}: expected one of {', '.join(PUBLIC_SETS)}")
     return PUBLIC_SETS[name]
 
 
@@ -95,16 +133,18 @@ def check_folder(wanted: PublicSet, folder: Path, track: Track | None = None) ->
         MapError: there is no such folder.
     """
     if not folder.is_dir():
-        raise MapError(f"{folder}: there is no such folder: fetch the set by `{wanted.commands}`")
-    files = list_maps(folder)
+        raise MapError(f"{folder}: there is no such folder: fetch the set with `{wanted.commands}`")
+    own = read_folder(folder)
+    scale = wanted.recommendation.over(own).metres_per_pixel or DEFAULT_SCALE
+    files = list_maps(folder, dict(own.places))
     problems = []
     if not files:
-        problems.append(f"there is no map in it: expected the folder {wanted.folder} of {wanted.repository}")
+        problems.append(f"no maps: expected the folder {wanted.folder} of {wanted.repository}")
     elif wanted.count is not None and len(files) != wanted.count:
         problems.append(f"expected {wanted.count} maps, got {len(files)}: fetch it again")
     for file in files if track is None else track(files, len(files)):
         try:
-            file.load(wanted.metres_per_pixel, require_target=wanted.task == NAVIGATION.name)
+            file.load(scale, require_target=wanted.task == NAVIGATION.name)
         except MapError as error:
             problems.append(str(error))
     return FolderCheck(len(files), tuple(problems))

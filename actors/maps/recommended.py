@@ -141,7 +141,7 @@ def joined(recommendations: Sequence[Recommendation], explicit: Sequence[str]) -
             found[path] = AUTO if AUTO in values else max(numbers)
         elif not agree:
             names = [each.name or "a source without settings" for each in recommendations]
-            said = ", ".join(f"{name} says {value}" for name, value in zip(names, values, strict=True))
+            said = ", ".join(f"{name}: {value}" for name, value in zip(names, values, strict=True))
             raise ConfigError(
                 f"these sources need different settings of {path} ({said}): evaluate them one by one, or give one "
                 f"value with --set {path}=..."

@@ -256,14 +256,15 @@ def _files(spec: MapSpec) -> list[MapFile]:
     said = place_text(spec.start, spec.target)
     file = MapFile(spec.path, start, target, f"?{said}" if said else "")
     if file.is_ros and spec.metres_per_pixel is not None:
-        raise MapError(f"{spec.text}: a ROS map says its resolution itself: leave metres_per_pixel out")
+        raise MapError(f"{spec.text}: a ROS map specifies its own resolution: leave metres_per_pixel out")
     return [file]
 
 
 def _folder(spec: MapSpec) -> list[MapFile]:
     if spec.start or spec.target:
         raise MapError(
-            f"{spec.text}: start and target belong to one file, got a folder: name a file, or write {FILE_NAME} there"
+            f"{spec.text}: start and target apply to a single file, got a folder: give a file, or write {FILE_NAME} "
+            "there"
         )
     files = list_maps(spec.path, dict(read_folder(spec.path).places))
     if not files:
@@ -275,7 +276,7 @@ def _folder(spec: MapSpec) -> list[MapFile]:
         files = [file for file in files if in_validation(file.path.name) == (spec.split == "validation")]
         if not files:
             raise MapError(
-                f"{spec.text}: no map of this folder falls into the split '{spec.split}': use more maps or a folder of "
-                "its own"
+                f"{spec.text}: no map of this folder falls into the split '{spec.split}': use more maps, or a "
+                "separate folder"
             )
     return files

@@ -121,7 +121,7 @@ def with_places(specs: list[str], start: Position | None, target: Position | Non
         raise MapError(f"{options} expect one map file, got the folder {spec.path}: name one of its files")
     for key in given:
         if getattr(spec, key) is not None:
-            raise MapError(f"{specs[0]} says its own {key}: leave out --{key}, or the one there")
+            raise MapError(f"{specs[0]} specifies {key} itself: leave out one of the two, --{key} or this")
     text = specs[0]
     joint = "&" if "?" in text and not _exists(_split_preset(text)[1]) else "?"
     return [text + joint + place_text(start, target)]

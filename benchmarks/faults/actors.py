@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import math
 import os
 import random
 import signal
@@ -36,6 +37,8 @@ from tests.learner.experience import episode_chunks, episode_report, observation
 
 RUN = "test"
 _EPISODES = 20
+# A shared machine may take minutes for what two hundred actors say at the same time.
+_FLUSH_SECONDS = 240.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,10 +102,15 @@ def bodies(seed: int) -> list[Chunk | EpisodeReport]:
 
 
 def honest(orders: Orders) -> dict[str, float]:
-    """Deliver with each sender until all is said, or standard input ends; then wait for what is missing."""
+    """Deliver with each sender until all is said, or standard input ends; then wait for what is missing.
+
+    Returns:
+        The longest wait of a sender for its first acknowledgement, and how many messages were not acknowledged.
+    """
     made = bodies(orders.seed)
     over = threading.Event()
-    waits = [0.0] * orders.number
+    waits = [math.inf] * orders.number
+    missing = [orders.messages] * orders.number
 
     def act(number: int) -> None:
         name = f"{orders.name}-{number}"
@@ -116,12 +124,13 @@ def honest(orders: Orders) -> dict[str, float]:
             while not over.is_set() and (not orders.messages or sent < orders.messages):
                 if sender.send(made[sent % len(made)], 0.5):
                     sent += 1
-                if sender.acknowledged and not waits[number]:
-                    waits[number] = time.monotonic() - began
+                if sender.acknowledged:
+                    waits[number] = min(waits[number], time.monotonic() - began)
                 over.wait(max(1.0 / orders.rate, sender.hold))
-            if not sender.flush(60.0):
-                raise TimeoutError(f"{name}: {sender.pending} messages were not acknowledged")
-            waits[number] = waits[number] or time.monotonic() - began
+            sender.flush(_FLUSH_SECONDS)
+            missing[number] = sender.pending
+            if sender.acknowledged:
+                waits[number] = min(waits[number], time.monotonic() - began)
 
     threads = [threading.Thread(target=act, args=(number,)) for number in range(orders.number)]
     for thread in threads:
@@ -131,7 +140,7 @@ def honest(orders: Orders) -> dict[str, float]:
         over.set()
     for thread in threads:
         thread.join()
-    return {"longest_wait": max(waits)}
+    return {"longest_wait": max(waits), "missing": sum(missing)}
 
 
 def dying(orders: Orders) -> dict[str, float]:

@@ -143,7 +143,7 @@ def narrow(rig: Rig, kilobits: int, seconds: float) -> Row:
     """Let an actor of another network namespace deliver through a line that drops what it cannot carry."""
     fault = f"a narrow line between two network namespaces: {kilobits} kbit/s, drops beyond 6 kB"
     try:
-        with rig.said() as said, _namespace(kilobits) as (prefix, address, dropped):
+        with rig.said() as said, namespace(kilobits) as (prefix, address, dropped):
             with _forwarded(rig, address) as endpoint:
                 orders = rig.orders("narrow", endpoint=endpoint, number=2, rate=100.0, messages=int(20 * seconds))
                 since = time.monotonic()
@@ -165,7 +165,7 @@ def _forwarded(rig: Rig, address: str) -> Iterator[str]:
 
 
 @contextlib.contextmanager
-def _namespace(kilobits: int):  # type: ignore[no-untyped-def]
+def namespace(kilobits: int):  # type: ignore[no-untyped-def]
     """Make a network namespace behind a narrow line; give the prefix of its commands, our address, and a counter."""
     name = f"hd{os.getpid() % 100_000}"
     near, far = f"{name}a", f"{name}b"

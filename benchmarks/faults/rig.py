@@ -60,7 +60,7 @@ class Actors:
         """Let it come to its end; return its figures.
 
         Raises:
-            FaultError: it failed, or took longer.
+            FaultError: it failed, took longer, or something that it delivered was not acknowledged.
         """
         try:
             out, _ = self._process.communicate("", timeout=seconds)
@@ -69,6 +69,8 @@ class Actors:
         if self._process.returncode or not out.strip():
             raise FaultError(f"the {self._mode} actors ended with exit code {self._process.returncode}")
         figures: dict[str, float] = json.loads(out.splitlines()[-1])
+        if figures.get("missing"):
+            raise FaultError(f"{figures['missing']:,.0f} messages of the {self._mode} actors were not acknowledged")
         return figures
 
     def end(self) -> None:

@@ -97,7 +97,7 @@ def request(
 
 def _read(query: zenoh.Query) -> ControlRequest:
     if query.payload is None or len(query.payload) > MAX_SMALL:
-        raise MessageError("control_request", f"must come as a payload of at most {MAX_SMALL} bytes")
+        raise MessageError("control_request", f"must have a payload of at most {MAX_SMALL} bytes")
     command = decode(query.payload.to_bytes(), ControlRequest)
     verb = last_part(str(query.key_expr))
     if command.verb != verb:

@@ -9,6 +9,7 @@ from queue import Empty, SimpleQueue
 
 import zenoh
 
+from common.bus.fair_queue import FairQueue
 from common.system.closing import Closing
 from common.system.threads import Complaints, guarded
 
@@ -22,12 +23,22 @@ class QueryServer(Closing):
     Zenoh's receiving threads only put queries into a queue. A query is finished, answered or not, when `answer`
     returns; an exception in it is logged and leaves the query unanswered, so that the asker tries again. Whatever
     happens to one query, the thread goes on to the next. An `answer` that returns True keeps the query, to reply to it
-    and to drop it later from any thread.
+    and to drop it later from any thread. Sources take turns (`FairQueue`), so whoever asks without end waits behind
+    itself and nobody else.
 
     Usage::
 
         with QueryServer(session, "hd/run/spec", lambda query: query.reply(query.key_expr, b"...")):
             ...
+
+    Args:
+        session: an open session.
+        key: to answer, or a selection of keys.
+        answer: takes a query, from one of the threads.
+        source_of: tells whose a query is, by its key.
+        threads: that answer.
+        max_waiting: queries that wait at most.
+        max_bytes: that they hold together at most.
     """
 
     def __init__(
@@ -36,16 +47,15 @@ class QueryServer(Closing):
         key: str,
         answer: Callable[[zenoh.Query], bool | None],
         *,
+        source_of: Callable[[str], str] = str,
         threads: int = 1,
         max_waiting: int = 4096,
         max_bytes: int = 1 << 28,
     ) -> None:
         self._complaints = Complaints(f"answering a query on {key}")
         self._answer = answer
-        self._waiting: SimpleQueue[tuple[zenoh.Query, int] | None] = SimpleQueue()
-        self._max_waiting = max_waiting
-        self._max_bytes = max_bytes
-        self._bytes = 0
+        self._source_of = source_of
+        self._waiting: FairQueue[zenoh.Query] = FairQueue(max_waiting, max_bytes)
         self._lock = threading.Lock()
         self._closed = False
         self.turned_away = 0
@@ -63,29 +73,19 @@ class QueryServer(Closing):
 
     def _arrived(self, query: zenoh.Query) -> None:
         size = 0 if query.payload is None else len(query.payload)
-        with self._lock:
-            accepted = (
-                not self._closed and self._waiting.qsize() < self._max_waiting and self._bytes + size <= self._max_bytes
-            )
-            if accepted:
-                self._bytes += size
-                self._waiting.put((query, size))
-        if not accepted:
+        for refused in self._waiting.put(self._source_of(str(query.key_expr)), query, size):
             self.turned_away += 1
-            query.drop()
+            refused.drop()
 
     def _work(self) -> None:
-        while (item := self._waiting.get()) is not None:
-            query, size = item
+        while (query := self._waiting.get()) is not None:
             kept: bool | None = False
             with self._complaints:
-                kept = not self._closed and self._answer(query)
+                kept = self._answer(query)
             if not kept:
                 query.drop()
-            with self._lock:
-                self._bytes -= size
             # Without this the last query stays alive, and unanswered in its asker's eyes, until the next one.
-            del item, query
+            del query
 
     def close(self) -> None:
         """Stop answering; queries that wait end unanswered. Safe to call twice."""
@@ -94,8 +94,8 @@ class QueryServer(Closing):
                 return
             self._closed = True
         self._queryable.undeclare()
-        for _ in self._threads:
-            self._waiting.put(None)
+        for query in self._waiting.close():
+            query.drop()
         for thread in self._threads:
             # An answer may close its own server, for example a command to stop.
             if thread is not threading.current_thread():

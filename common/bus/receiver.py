@@ -10,7 +10,7 @@ from functools import partial
 
 import zenoh
 
-from common.bus.keys import Keys, last_part
+from common.bus.keys import Keys, host_of, last_part
 from common.bus.query import QueryServer
 from common.errors import HDError, MessageError, RefusedError
 from common.messages.experience import Delivery
@@ -43,6 +43,8 @@ class ExperienceServer(Closing):
             nothing is acknowledged and the actor tries again.
         when_durable: calls back, from another thread, once everything stored so far has reached the disk (True) or
             been refused by it (False); messages are acknowledged after that. At once when not given.
+        host_of: tells the host of an actor: hosts are served in turn.
+        max_waiting: deliveries that wait at most; beyond that those of the host with the most end unanswered.
     """
 
     def __init__(
@@ -53,6 +55,8 @@ class ExperienceServer(Closing):
         store: Callable[[Delivery, bytes], float],
         *,
         when_durable: Callable[[Callable[[bool], None]], None] | None = None,
+        host_of: Callable[[str], str] = host_of,
+        max_waiting: int = 4096,
     ) -> None:
         self._learner = learner
         self._when_durable = when_durable
@@ -63,7 +67,13 @@ class ExperienceServer(Closing):
         """Messages refused, by the actor whose key they came on."""
         self._warned: dict[str, float] = {}
         self._said = -1.0
-        self._server = QueryServer(session, Keys(run).all_experience, self._answer)
+        self._server = QueryServer(
+            session,
+            Keys(run).all_experience,
+            self._answer,
+            source_of=lambda key: host_of(last_part(key)),
+            max_waiting=max_waiting,
+        )
 
     def close(self) -> None:
         """Stop receiving; actors keep what is not acknowledged. Safe to call twice."""
@@ -122,7 +132,7 @@ class ExperienceServer(Closing):
 
 def _payload(query: zenoh.Query) -> bytes:
     if query.payload is None:
-        raise MessageError("delivery", "must come as the payload of the query, got none")
+        raise MessageError("delivery", "must be the payload of the query, got none")
     if len(query.payload) > MAX_DELIVERY:
         raise MessageError("delivery", f"must have at most {MAX_DELIVERY} bytes, got {len(query.payload)}")
     return query.payload.to_bytes()

@@ -27,6 +27,8 @@ log = logging.getLogger(__name__)
 
 # Zenoh answers a query itself when nobody did within its timeout.
 ZENOH_TIMEOUT = b"Timeout"
+MAX_PATIENCE = 30.0
+"""Seconds that a message is waited for at most, of a learner that has much to do."""
 
 
 @dataclass(slots=True)
@@ -36,6 +38,8 @@ class _Parcel:
     data: bytes
     attempt: int = 0
     in_flight: bool = False
+    sent: float = 0.0
+    """When it was sent last, monotonic seconds."""
     due: float = 0.0
     """When in flight: the time to give up; else: the earliest time to send again."""
 
@@ -48,6 +52,10 @@ class ExperienceSender(Closing):
     """Delivers chunks and reports in order of their sequence, several at a time, each until it is acknowledged.
 
     Messages wait in a bounded buffer while the learner is away. All methods may be called from any thread.
+
+    A learner that takes its time is waited for: fewer messages are in flight after one that was not answered, and more
+    again with every answer, and each is waited for four times as long as the last one took. Sending again what only
+    waits its turn would keep a full learner full.
 
     Usage::
 
@@ -62,7 +70,8 @@ class ExperienceSender(Closing):
         actor: name of this actor.
         window: messages in flight at most.
         buffer: messages held at most, those in flight included.
-        ack_timeout: seconds to wait for an acknowledgement before a message is sent again.
+        ack_timeout: seconds to wait for an acknowledgement before a message is sent again; longer, up to half a
+            minute, while the learner is slow.
     """
 
     def __init__(
@@ -83,6 +92,8 @@ class ExperienceSender(Closing):
         self._window = window
         self._capacity = buffer
         self._ack_timeout = ack_timeout
+        self._allowed = window
+        self._patience = ack_timeout
         self._parcels: OrderedDict[int, _Parcel] = OrderedDict()
         self._events: SimpleQueue[_Event | None] = SimpleQueue()
         self._changed = threading.Condition()
@@ -99,6 +110,10 @@ class ExperienceSender(Closing):
         """Messages that the learner refused for good; the log has the reason, once a second at most."""
         self._thread = threading.Thread(target=self._work, name=f"deliver {actor}", daemon=True)
         self._thread.start()
+
+    @property
+    def _longest(self) -> float:
+        return max(self._ack_timeout, MAX_PATIENCE)
 
     @property
     def pending(self) -> int:
@@ -196,7 +211,7 @@ class ExperienceSender(Closing):
         """Return the parcels less than one window ahead of the oldest; the oldest alone while nobody answers."""
         if not self._parcels:
             return []
-        end = next(iter(self._parcels)) + (self._window if self._present else 1)
+        end = next(iter(self._parcels)) + (self._allowed if self._present else 1)
         return [item for item in islice(self._parcels.items(), self._window) if item[0] < end]
 
     def _send_what_is_due(self) -> None:
@@ -210,8 +225,9 @@ class ExperienceSender(Closing):
         for sequence, parcel in due:
             parcel.attempt += 1
             parcel.in_flight = True
+            parcel.sent = time.monotonic()
             # Zenoh ends a query at its timeout; the second on top covers a session that died meanwhile.
-            parcel.due = time.monotonic() + self._ack_timeout + 1.0
+            parcel.due = parcel.sent + self._patience + 1.0
             self._session.get(
                 self._key,
                 zenoh.handlers.Callback(
@@ -220,7 +236,7 @@ class ExperienceSender(Closing):
                     indirect=False,
                 ),
                 payload=parcel.data,
-                timeout=self._ack_timeout,
+                timeout=self._patience,
                 consolidation=zenoh.ConsolidationMode.NONE,
             )
 
@@ -248,8 +264,11 @@ class ExperienceSender(Closing):
         self._heard(ack)
         if parcel is None:
             return
+        took = time.monotonic() - parcel.sent
+        self._allowed = min(self._window, self._allowed + 1)
+        self._patience = min(self._longest, max(self._ack_timeout, 4.0 * took, 0.9 * self._patience))
         if ack.stored and ack.sequence != sequence:
-            log.warning("message %d came back acknowledged as %d: sending it again", sequence, ack.sequence)
+            log.warning("message %d was acknowledged as %d: sending it again", sequence, ack.sequence)
             self._unanswered(sequence, parcel)
             return
         if ack.stored or ack.error:
@@ -263,7 +282,7 @@ class ExperienceSender(Closing):
             self._present = True
             log.info("the learner answers; %d messages to deliver", len(self._parcels))
         if self._learner not in (-1, ack.learner):
-            log.info("the learner was restarted; going on")
+            log.info("the learner was restarted; continuing")
         self._learner = ack.learner
         self._hold_until = time.monotonic() + ack.hold
 
@@ -284,12 +303,18 @@ class ExperienceSender(Closing):
             self._changed.notify_all()
 
     def _unanswered(self, sequence: int, parcel: _Parcel) -> None:
+        now = time.monotonic()
         parcel.in_flight = False
-        parcel.due = time.monotonic() + RETRY_SECONDS
+        parcel.due = now + RETRY_SECONDS
+        self._allowed = max(1, self._allowed // 2)
+        took = now - parcel.sent
+        if took > 0.9 * self._ack_timeout:
+            # It may be waiting its turn; a query that nobody takes ends at once.
+            self._patience = min(self._longest, max(self._patience, 2.0 * took))
         if self._present:
             self._present = False
             log.warning(
-                "the learner does not answer (message %d); going on, with room for %d messages",
+                "the learner does not answer (message %d); continuing, with room for %d more messages",
                 sequence,
                 self._capacity - len(self._parcels),
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import re
 import secrets
 import socket
 import time
@@ -62,7 +63,7 @@ def open_learner_session(config: BusConfig) -> Iterator[zenoh.Session]:
     behind = free_ports(LISTENERS) if guarded else []
     endpoints = [f"tls/127.0.0.1:{port}" for port in behind] or [listen]
     settings = _settings(config, "router", endpoints, config.connect)
-    settings["transport"]["unicast"] = {
+    settings["transport"]["unicast"] |= {
         "max_sessions": MAX_SESSIONS,
         # Connections that say nothing: with Zenoh's defaults a hundred of them shut everybody out for ten seconds.
         "accept_pending": MAX_PENDING,
@@ -79,7 +80,7 @@ def open_learner_session(config: BusConfig) -> Iterator[zenoh.Session]:
             session = zenoh.open(_zenoh_config(settings))
             stack.callback(_close, session)
         except (OSError, zenoh.ZError) as error:
-            raise BusError(_why_not_listening(listen, str(error))) from None
+            raise BusError(_why_not_listening(listen, reason(error))) from None
         _warn_of_strangers(listen, config)
         yield session
 
@@ -89,7 +90,7 @@ def _close(session: zenoh.Session) -> None:
         session.close()
     except zenoh.ZError as error:
         # Thousands of connections that say nothing take longer than Zenoh waits; they end with the process.
-        log.warning("the bus was not closed in order: %s", error)
+        log.warning("closing the bus failed: %s", reason(error))
 
 
 def free_ports(count: int) -> list[int]:
@@ -102,8 +103,8 @@ def free_ports(count: int) -> list[int]:
 def _warn_of_strangers(listen: str, config: BusConfig) -> None:
     if not is_loopback(listen) and config.tls_ca is None:
         log.warning(
-            "listening on %s without TLS: everybody who reaches this address can send experience and commands; "
-            "make certificates with 'hd-learner certificates', or listen on 127.0.0.1",
+            "listening on %s without TLS: anyone who can reach this address can send experience and commands; create "
+            "certificates with 'hd-learner certificates', or listen on 127.0.0.1",
             listen,
         )
 
@@ -137,7 +138,7 @@ def open_client_session(config: BusConfig, connect: Iterable[str] | None = None)
     try:
         return zenoh.open(_zenoh_config(settings))
     except zenoh.ZError as error:
-        raise BusError(f"cannot open a session to {', '.join(endpoints)}: {error}") from None
+        raise BusError(f"cannot open a session to {', '.join(endpoints)}: {reason(error)}") from None
 
 
 def open_viewer_session(config: BusConfig, connect: Iterable[str] | None = None) -> zenoh.Session:
@@ -208,7 +209,11 @@ def _settings(config: BusConfig, mode: str, listen: list[str], connect: Iterable
             "gossip": {"enabled": False},
             "delay": 0 if mode == "router" else 100,
         },
-        "transport": {"link": link, "shared_memory": {"enabled": config.shared_memory}},
+        "transport": {
+            "link": link,
+            "shared_memory": {"enabled": config.shared_memory},
+            "unicast": {"compression": {"enabled": config.compression}},
+        },
     }
 
 
@@ -216,12 +221,17 @@ def _zenoh_config(settings: dict[str, Any]) -> zenoh.Config:
     try:
         return zenoh.Config.from_json5(json.dumps(settings))
     except zenoh.ZError as error:
-        raise BusError(f"the bus settings are not valid: {error}") from None
+        raise BusError(f"the bus settings are not valid: {reason(error)}") from None
+
+
+def reason(error: Exception) -> str:
+    """Return what an error of Zenoh says, without the places in its source that it names."""
+    return re.sub(r"\s+at /\S+?\.rs:\d+\.?", "", str(error))
 
 
 def _why_not_listening(endpoint: str, error: str) -> str:
     if "in use" in error:
         return f"{endpoint} is in use by another process: stop it, or choose another port (--listen tcp/127.0.0.1:7448)"
     if "assign requested address" in error:
-        return f"this machine has no address {endpoint}: listen on one of its own, such as tcp/127.0.0.1:7447"
+        return f"this machine has no address {endpoint}: listen on one that it has, such as tcp/127.0.0.1:7447"
     return f"cannot listen on {endpoint}: {error}"

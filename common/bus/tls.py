@@ -62,7 +62,7 @@ def access_settings(config: HasTls) -> dict[str, Any]:
         BusError: there is no TLS, or the file cannot be read.
     """
     if config.tls_ca is None:
-        raise BusError("tls_access needs tls_ca, tls_certificate and tls_key: without TLS nobody has a name to check")
+        raise BusError("tls_access needs tls_ca, tls_certificate and tls_key: without TLS there are no names to check")
     try:
         rules = read_json(Path(str(config.tls_access)))
     except (OSError, DocumentError) as error:

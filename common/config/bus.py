@@ -15,11 +15,11 @@ class ActorConfig(Section):
     chunk_steps: Annotated[int, Field(ge=1, le=256)] = 16
     """Steps per message."""
     window: Annotated[int, Field(ge=1, le=32)] = 16
-    """Unacknowledged messages in flight at most."""
+    """Maximum number of unacknowledged messages in flight."""
     buffer_chunks: Annotated[int, Field(ge=1)] = 512
-    """Messages kept while the learner is away; then the actor pauses, and says so."""
+    """Messages buffered while the learner is away; when the buffer is full, the actor pauses and logs it."""
     weights_timeout: Positive = 10.0
-    """Seconds between two pulls of the weights when no notice comes."""
+    """Interval at which an actor asks for new weights if no announcement arrives, seconds."""
 
 
 class BusConfig(Section):
@@ -28,22 +28,25 @@ class BusConfig(Section):
     listen: str = "tcp/127.0.0.1:7447"
     """Endpoint on which the learner listens; loopback only by default."""
     connect: tuple[str, ...] = ()
-    """Existing Zenoh routers that the learner joins as well."""
+    """Existing Zenoh routers that the learner also joins."""
     lease: Positive = 2.0
-    """Seconds of silence after which a process counts as gone."""
+    """Silence after which a process counts as gone, seconds."""
     ack_timeout: Positive = 3.0
-    """Seconds to wait for an acknowledgement before a message is sent again."""
+    """Time after which an unacknowledged message is resent, seconds."""
     shared_memory: bool = False
-    """Zenoh's shared-memory transport between processes of one machine: faster, more memory."""
+    """Use Zenoh's shared-memory transport between processes on one machine: faster, but needs more memory."""
+    compression: bool = False
+    """Compress what crosses a link when both of its ends have this on: for narrow lines between sites."""
     tls_ca: str | None = None
-    """Root certificate (PEM). With it, links use mutual TLS; make the files with `hd-learner certificates`."""
+    """Root certificate (PEM). Setting it makes all links use mutual TLS; `hd-learner certificates` creates the
+    files."""
     tls_certificate: str | None = None
     """This process's certificate (PEM)."""
     tls_key: str | None = None
     """This process's private key (PEM)."""
     tls_access: str | None = None
-    """The learner's access rules (JSON): who may read and write which key, by certificate. The command
-    `hd-learner certificates` writes them; without them every certificate of the authority may do everything."""
+    """The learner's access rules (JSON): which certificate may read and write which keys. `hd-learner certificates`
+    writes them; without them, every certificate of the authority may do everything."""
 
     @model_validator(mode="after")
     def _tls_is_complete(self) -> BusConfig:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import inspect
 import json
-from typing import Any, get_args
+from types import NoneType, UnionType
+from typing import Annotated, Any, Final, Literal, Union, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
@@ -13,6 +14,8 @@ from pydantic_core import PydanticUndefined
 
 from common.config.run import RunConfig
 
+_TYPE_NAMES: Final = {bool: "boolean", int: "integer", float: "number", str: "string", NoneType: "null"}
+
 INTRODUCTION = """# Configuration
 
 <!-- Made by `make docs` from the sections in common/config/: change the text there. -->
@@ -20,15 +23,15 @@ INTRODUCTION = """# Configuration
 A run has one typed tree of settings. Each source overrides the ones before it:
 
 1. the defaults below,
-2. a preset: `hd-learner start --preset workstation` (small network, imitation first) or `paper` (the paper's sizes),
+2. a preset, such as `--preset workstation` (small network, imitation first) or `paper` (sizes of the paper),
 3. a TOML or JSON file: `--config run.toml`,
-4. environment variables: `HD_LEARNER__BATCH_SIZE=32` is `learner.batch_size`,
-5. the command line: `--set learner.batch_size=32`, as often as needed.
+4. environment variables: `HD_LEARNER__BATCH_SIZE=32` sets `learner.batch_size`,
+5. the command line: `--set learner.batch_size=32`, repeatable.
 
-`hd-learner config` takes the same options and prints the resolved tree as TOML, which `--config` reads back.
-Whatever is unknown or out of range ends the command with a line that names the setting, where its value came
-from and what is expected. In a file, the text `"null"` stands for a setting that is not given. Actors fetch
-the learner's resolved configuration over the bus: only the learner is configured.
+`hd-learner config` takes the same options and prints the resolved tree as TOML, which `--config` accepts.
+An unknown setting or a value out of range is an error that names the setting, the source of the value and what was
+expected. In a file, `"null"` unsets a setting. Only the learner is configured: actors fetch its resolved
+configuration over the bus.
 """
 
 
@@ -45,7 +48,7 @@ def to_toml(config: BaseModel) -> str:
 
 def to_markdown(model: type[BaseModel] = RunConfig) -> str:
     """Write the reference of every setting of a tree: name, kind, default, meaning."""
-    lines = ["| setting | kind | default | meaning |", "| --- | --- | --- | --- |"]
+    lines = ["| setting | type | default | meaning |", "| --- | --- | --- | --- |"]
     sections: list[str] = []
     for name, field in model.model_fields.items():
         annotation = field.annotation
@@ -72,7 +75,7 @@ def _section(name: str, model: type[BaseModel], defaults: dict[str, Any]) -> lis
     """Return the lines of a section, or of one item of a list of sections."""
     head = ["", f"## `{name}`", "", inspect.cleandoc(model.__doc__ or ""), ""]
     rows = [_row(f"{name}.{key}", field, defaults[key]) for key, field in model.model_fields.items()]
-    return [*head, "| setting | kind | default | meaning |", "| --- | --- | --- | --- |", *rows]
+    return [*head, "| setting | type | default | meaning |", "| --- | --- | --- | --- |", *rows]
 
 
 def _items(model: BaseModel) -> list[tuple[str, Any]]:
@@ -96,38 +99,39 @@ def _toml_value(value: Any) -> str:
 
 
 def _row(name: str, field: FieldInfo, default: Any) -> str:
-    shown = "not given" if default is None else "required" if default is PydanticUndefined else json.dumps(default)
+    shown = "null" if default is None else "required" if default is PydanticUndefined else json.dumps(default)
     meaning = " ".join((field.description or "").split()).replace("|", "\\|")
     return f"| `{name}` | {_kind(field)} | `{shown}` | {meaning} |"
 
 
 def _kind(field: FieldInfo) -> str:
-    text = str(field.annotation)
-    if any(isinstance(item, type) and issubclass(item, BaseModel) for item in get_args(field.annotation)):
-        return "list of tables"
-    if "Literal" in text and not text.startswith("tuple"):
-        inner = text[text.index("[") + 1 : text.rindex("]")]
-        return "one of " + ", ".join(f"`{part.strip().strip(chr(39))}`" for part in inner.split(","))
-    names = {
-        "int": "whole number",
-        "float": "number",
-        "bool": "true or false",
-        "str": "text",
-        "dict": "table of texts",
-        "tuple[str": "list of texts",
-        "tuple[typing.Literal": "list of texts",
-        "tuple[float": "list of numbers",
-        "tuple[tuple": "list of points",
-    }
-    kind = next((word for key, word in names.items() if text.removeprefix("<class '").startswith(key)), "")
-    kind = kind or f"{_optional_kind(text)} or null"
-    return kind + _bounds(field)
+    return _type_name(field.annotation) + _bounds(field)
 
 
-def _optional_kind(text: str) -> str:
-    if "tuple" in text:
-        return "list of numbers"
-    return "number" if "float" in text else "text"
+def _type_name(annotation: Any) -> str:
+    """Return the words for a type: `number`, ``one of `a`, `b` ``, `list of strings or null`."""
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return _type_name(arguments[0])
+    if origin is Literal:
+        return "one of " + ", ".join(f"`{value}`" for value in arguments)
+    if origin in (Union, UnionType):
+        return " or ".join(_type_name(each) for each in arguments)
+    if origin is tuple:
+        return f"list of {_plural(arguments[0])}"
+    if origin is dict:
+        return f"table of {_plural(arguments[1])}"
+    return _TYPE_NAMES[annotation]
+
+
+def _plural(item: Any) -> str:
+    if isinstance(item, type) and issubclass(item, BaseModel):
+        return "tables"
+    if get_origin(item) is tuple:
+        return "points"
+    if get_origin(item) is Literal:
+        return "strings"
+    return f"{_type_name(item)}s"
 
 
 def _bounds(field: FieldInfo) -> str:

@@ -67,8 +67,7 @@ def config_from_message(
     except ValidationError as error:
         raise MessageError(
             "spec.config",
-            f"is not a configuration that this version of the software knows: {error.errors()[0]['msg']}; use the same "
-            "version on all machines",
+            f"is not a configuration of this version: {error.errors()[0]['msg']}; use the same version on all machines",
         ) from None
     config = change(config)
     refuse_modules(named_parts(config), allowed, f"the learner of run {config.name!r}", remedy)

@@ -13,7 +13,8 @@ class NetworkConfig(Section):
     """Encoder, beacon decoder and waypoint decoder (paper, section IV)."""
 
     variant: Literal["vanilla", "hierarchical", "hdplanner"] = "hdplanner"
-    """`vanilla`: waypoint decoder alone; `hierarchical`: beacon, then waypoint; `hdplanner`: with contrastive loss."""
+    """`vanilla`: waypoint decoder only. `hierarchical`: beacon, then waypoint. `hdplanner`: hierarchical, with the
+    contrastive loss."""
     width: Annotated[int, Field(ge=8, le=1024)] = 128
     """d, the size of a node feature."""
     heads: Annotated[int, Field(ge=1, le=64)] = 8
@@ -23,21 +24,21 @@ class NetworkConfig(Section):
     feedforward: Annotated[int, Field(ge=1, le=8)] = 4
     """Hidden size of a feed-forward block, as a multiple of the width."""
     features: Literal["paper", "extended", "guided"] = "extended"
-    """Node features: `paper`: position, utility, visited, beacon, target; `extended`: also graph distance from the
-    robot, degree, distance to the nearest useful viewpoint, on a shortest path to a beacon, all from the belief;
-    `guided`: also where a classical planner would go (`tour` in exploration, D* Lite in navigation), the range of the
-    sensor, and frontiers by length instead of cells."""
+    """Node features. `paper`: position, utility, visited, beacon, target. `extended`: also graph distance from the
+    robot, degree, distance to the nearest useful viewpoint, and whether the node is on a shortest path to a beacon, all
+    from the belief. `guided`: also where a classical planner would go (`tour` in exploration, D* Lite in navigation),
+    the range of the sensor, and frontiers by length instead of cells."""
     graph: Literal["full", "reduced", "tokens"] = "full"
-    """Nodes that the network reads: all reachable ones; or only those near the robot, useful ones, beacons and the
-    shortest paths to them, about half as many on public maps; or `tokens`: the same up to 128 nodes, where there are
-    more, useful ones and paths near the robot alone. The last needs the features `guided`."""
+    """Nodes that the network reads. `full`: all reachable nodes. `reduced`: those near the robot, useful ones, beacons
+    and the shortest paths to them, about half as many on public maps. `tokens`: as `reduced` up to 128 nodes, beyond
+    that only useful nodes and the paths near the robot; needs the features `guided`."""
     toward: bool = False
-    """Tell the waypoint decoder which waypoints lie on a shortest path to which beacon, as a bias of its logits."""
+    """Bias the waypoint decoder's logits by which waypoints lie on a shortest path to which beacon."""
 
     @model_validator(mode="after")
     def _tokens_are_guided(self) -> NetworkConfig:
         if self.graph == "tokens" and self.features != "guided":
-            raise ValueError("graph 'tokens' needs what the features 'guided' tell: set network.features to 'guided'")
+            raise ValueError("graph 'tokens' needs the features 'guided': set network.features to 'guided'")
         return self
 
     @model_validator(mode="after")

@@ -32,7 +32,7 @@ class RunConfig(Section):
     maps: MapsConfig = Field(default_factory=MapsConfig)
     """Where worlds come from."""
     families: tuple[FamilyConfig, ...] = ()
-    """A mix of families of worlds; when not given, the worlds of `maps` alone."""
+    """Families of worlds to mix; by default the worlds of `maps` alone."""
     mapping: MappingConfig = Field(default_factory=MappingConfig)
     """Belief, viewpoint graph, utility and beacons."""
     simulator: SimulatorConfig = Field(default_factory=SimulatorConfig)
@@ -40,7 +40,7 @@ class RunConfig(Section):
     task: TaskConfig = Field(default_factory=TaskConfig)
     """What the robot must do."""
     both_tasks: bool = False
-    """Train one policy for both tasks, with half of all steps each, whatever `task.name` says."""
+    """Train one policy for both tasks, each with half of all steps, regardless of `task.name`."""
     reward: RewardConfig = Field(default_factory=RewardConfig)
     """The reward."""
     network: NetworkConfig = Field(default_factory=NetworkConfig)
@@ -48,8 +48,8 @@ class RunConfig(Section):
     adam: AdamConfig = Field(default_factory=AdamConfig)
     """Learning rates."""
     algorithm: Literal["sac", "ppo"] = "sac"
-    """What follows the imitation stage: `sac`: soft actor-critic; `ppo`: on-policy returns on top of the exact sum of
-    the expert's detours, which needs the `potential` reward. Only the section of that name counts."""
+    """Algorithm after the imitation stage. `sac`: soft actor-critic. `ppo`: on-policy returns on top of the exact sum
+    of the expert's detours; needs `reward.kind` `potential`. Only the section of the chosen algorithm takes effect."""
     sac: SacConfig = Field(default_factory=SacConfig)
     """Soft actor-critic."""
     ppo: PpoConfig = Field(default_factory=PpoConfig)
@@ -84,7 +84,7 @@ class RunConfig(Section):
     def _privileged_critic_has_its_reward(self) -> RunConfig:
         if self.sac.privileged_critic and self.reward.kind != "potential":
             raise ValueError(
-                "sac.privileged_critic needs the reward that it is told in advance: set reward.kind to 'potential'"
+                "sac.privileged_critic needs a reward that can be known in advance: set reward.kind to 'potential'"
             )
         return self
 
@@ -92,7 +92,7 @@ class RunConfig(Section):
     def _ppo_has_its_reward(self) -> RunConfig:
         if self.algorithm == "ppo" and self.reward.kind != "potential":
             raise ValueError(
-                "algorithm 'ppo' learns what the expert's detours leave of the reward: set reward.kind to 'potential'"
+                "algorithm 'ppo' needs the reward that is based on the expert's detours: set reward.kind to 'potential'"
             )
         return self
 
@@ -100,7 +100,7 @@ class RunConfig(Section):
     def _families_fit(self) -> RunConfig:
         names = [family.name for family in self.families]
         if len(set(names)) < len(names) or len(names) > MAX_FAMILIES:
-            raise ValueError(f"families: give each of up to {MAX_FAMILIES} families a name of its own, got {names}")
+            raise ValueError(f"families: expected at most {MAX_FAMILIES} families with unique names, got {names}")
         for family in self.families:
             spacing = family.viewpoint_spacing
             if spacing is not None and spacing[0] < 2 * self.mapping.resolution:
@@ -110,14 +110,14 @@ class RunConfig(Section):
                 )
         teachers = {family.teacher for family in self.families}
         if "policy" in teachers and self.learner.initial_policy is None:
-            raise ValueError("families: one has the teacher 'policy': name it with learner.initial_policy")
+            raise ValueError("families: teacher 'policy' needs a policy: set learner.initial_policy")
         if "reference" in teachers and self.network.features != "guided":
             raise ValueError(
-                "families: one has the teacher 'reference', whose route only network.features = 'guided' tell"
+                "families: teacher 'reference' needs features that show its route: set network.features to 'guided'"
             )
         for task in self.tasks:
             if not any(family.serves(task.name) for family in self.mix):
-                raise ValueError(f"families: one of them at least must serve the task {task.name!r}: see their `tasks`")
+                raise ValueError(f"families: none of them serves the task {task.name!r}: add it to the `tasks` of one")
         return self
 
     @property
@@ -139,7 +139,7 @@ class RunConfig(Section):
 
     @property
     def mapping_ranges(self) -> dict[str, tuple[float, float]]:
-        """Smallest and largest value in training of what families draw anew: settings of `mapping` by name."""
+        """Smallest and largest value in training of what families randomize: settings of `mapping` by name."""
         ranges = {}
         for name in ("sensor_range", "viewpoint_spacing", "robot_radius"):
             own = getattr(self.mapping, name)

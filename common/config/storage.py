@@ -13,9 +13,9 @@ class ReplayConfig(Section):
     """The replay buffer."""
 
     capacity: Annotated[int, Field(ge=100)] = 100_000
-    """Transitions held at most; the oldest go first."""
+    """Maximum number of transitions; the oldest are evicted first."""
     max_bytes: Annotated[int, Field(ge=30_000_000)] = 500_000_000
-    """Memory held at most, bytes."""
+    """Maximum memory, bytes."""
     min_steps: Annotated[int, Field(ge=1)] = 2_000
     """Steps to collect before the first update."""
 
@@ -24,31 +24,35 @@ class CheckpointConfig(Section):
     """Checkpoints."""
 
     every_seconds: Positive = 300.0
-    """Seconds between two checkpoints."""
+    """Interval between checkpoints, seconds."""
     keep: Annotated[int, Field(ge=2)] = 3
-    """Newest checkpoints kept beside the best one; at least two, so that a damaged one has a predecessor."""
+    """Newest checkpoints to keep in addition to the best one; at least two, in case one is damaged."""
+    mirror: str | None = None
+    """Folder of runs at a URL, such as `s3://bucket/runs`, that gets a copy of every checkpoint (extra `storage`): a
+    learner on another machine goes on from there by `hd-learner resume --from`. The journal stays on the local disk."""
     replay: bool = True
     """Save the replay buffer too, so that resuming continues with the same data."""
 
 
 class JournalConfig(Section):
-    """The journal of what actors deliver."""
+    """The journal of everything that actors deliver."""
 
     acknowledge: Literal["disk", "memory"] = "disk"
-    """When a delivery is acknowledged: once it is on the disk, so that a power failure loses nothing that was
-    acknowledged, or at once, so that it may lose what came within the last `sync_seconds`. The death of the learner's
-    process loses nothing either way."""
+    """When a delivery is acknowledged. `disk`: once it is synced, so that a power failure loses nothing acknowledged.
+    `memory`: at once; a power failure may lose the last `sync_seconds`. A crash of the learner process loses nothing
+    either way."""
     sync_seconds: Annotated[float, Field(gt=0.0, le=1.0)] = 0.05
-    """Least time between two syncs of the disk; all deliveries that come meanwhile share one. Much below
-    `bus.ack_timeout`, after which actors send again."""
+    """Minimum time between syncs; all deliveries in between share one. Keep it far below `bus.ack_timeout`, after which
+    actors resend."""
 
 
 class TrackingConfig(Section):
-    """Where the curves go besides TensorBoard."""
+    """Where learning curves go in addition to TensorBoard."""
 
     writers: tuple[Literal["mlflow", "wandb"], ...] = ()
-    """Trackers that get every curve too: `mlflow`, `wandb` (Weights & Biases); each is an extra of that name."""
+    """Trackers that receive every curve: `mlflow`, `wandb` (Weights & Biases). Each needs the extra of that name."""
     project: str = "hdplanner"
-    """Experiment of MLflow, project of Weights & Biases."""
+    """Name of the MLflow experiment or the Weights & Biases project."""
     mlflow_uri: str | None = None
-    """MLflow's store, such as `http://server:5000`; by default the database `mlflow.db` in the folder of all runs."""
+    """MLflow's tracking store, such as `http://server:5000`. Default: the database `mlflow.db` in the folder of all
+    runs."""

@@ -14,14 +14,15 @@ class TaskConfig(Section):
     """What the robot must do, and when an episode ends."""
 
     name: str = EXPLORATION.name
-    """`exploration`: map everything reachable; `navigation`: reach the target; or one that an installed package adds,
-    or MODULE:NAME of a task of one's own."""
+    """`exploration`: map everything reachable. `navigation`: reach the target. Or the name of a task from an installed
+    package, or MODULE:NAME."""
     max_steps: Annotated[int, Field(ge=1, le=10_000)] = 128
-    """Decisions per episode; reaching the limit truncates the episode (no terminal state)."""
+    """Decisions per episode; reaching the limit truncates the episode, it is not a terminal state."""
     unseen_area: Annotated[float, Field(ge=0.0)] = 15.625
-    """Exploration is complete when at most this much reachable free area is unseen, m² (250 px of 0.25 m)."""
+    """Exploration is complete when at most this much reachable free area is unseen, m² (the default is 250 px of 0.25
+    m)."""
     arrival_radius: Positive = 1.6
-    """Navigation is complete within this distance of the target, metres, or inside its marker."""
+    """Navigation is complete within this distance of the target, metres, or on its marker in the map."""
 
     @property
     def kind(self) -> Task:
@@ -33,16 +34,16 @@ class RewardConfig(Section):
     """The reward of both tasks."""
 
     kind: Literal["paper", "potential"] = "paper"
-    """`paper`: travelled distance, observed frontiers, finish bonus; `potential`: the privileged expert's remaining
-    distance T as potential, (T(s) - T(s') - d) / scale, for training only."""
+    """`paper`: travelled distance, observed frontiers and a bonus for finishing. `potential`: the privileged expert's
+    remaining distance T as a potential, (T(s) - T(s') - d) / scale; for training only."""
     frontier_weight: Annotated[float, Field(ge=0.0)] = 1.0
-    """paper: weight of the frontier that the step removed, in units of `frontier_scale`."""
+    """paper: weight of the frontier removed by the step, in units of `frontier_scale`."""
     frontier_scale: Positive = 50.0
-    """paper: metres of removed frontier that earn `frontier_weight` (the family's 50 frontiers on a 1 m grid)."""
+    """paper: metres of removed frontier that earn `frontier_weight` (default: 50 frontiers on a 1 m grid)."""
     distance_weight: Annotated[float, Field(ge=0.0)] = 1.0
     """paper: weight of the travelled distance, in units of `distance_scale`."""
     distance_scale: Positive = 16.0
-    """paper: metres of travel that cost `distance_weight` (the family's 64 px at 0.25 m/px)."""
+    """paper: metres of travel that cost `distance_weight` (default: 64 px at 0.25 m/px)."""
     progress_weight: Annotated[float, Field(ge=0.0)] = 0.0
     """paper: weight of the straight-line progress towards the target, in units of `distance_scale` (navigation)."""
     finish_bonus: Annotated[float, Field(ge=0.0)] = 20.0

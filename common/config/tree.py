@@ -155,7 +155,7 @@ class ConfigTree(Generic[M]):
     def _assign(self, tree: dict[str, Any], path: str, raw: str, origin: dict[str, str], source: str) -> None:
         field = self.field_at(path)
         if field is None:
-            raise ConfigError(f"{source}: there is no setting {path!r}{self._nearest(path)}")
+            raise ConfigError(f"{source}: unknown setting {path!r}{self._nearest(path)}")
         *sections, name = path.split(".")
         branch = tree
         for section in sections:
@@ -175,7 +175,7 @@ class ConfigTree(Generic[M]):
         path = ".".join(str(part) for part in problem["loc"])
         if problem["type"] == "extra_forbidden":
             source = origin.get(path)
-            return f"{path}: there is no such setting{self._nearest(path)}" + (f" (from {source})" if source else "")
+            return f"{path}: unknown setting{self._nearest(path)}" + (f" (from {source})" if source else "")
         source = _source(path, origin)
         message = problem["msg"].removeprefix("Value error, ")
         got = problem["input"]

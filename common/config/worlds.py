@@ -15,39 +15,40 @@ class MapsConfig(Section):
 
     train: tuple[str, ...] = ("generator:rooms",)
     """Sources of training worlds: folders of maps, map files with a start (`plan.yaml?start=1.5,2`), or
-    `generator:NAME[?key=value&...]`; docs/maps.md has them all. Drawn evenly from all."""
+    `generator:NAME[?key=value&...]`; see docs/maps.md. Sources are sampled uniformly."""
     validation: tuple[str, ...] = ("generator:rooms?seed=1000000",)
-    """Sources of validation worlds, used by evaluating actors to choose the best checkpoint. Never the bench maps."""
+    """Sources of validation worlds, on which evaluators choose the best checkpoint. Never use benchmark maps here."""
     validation_count: Annotated[int, Field(ge=1, le=10_000)] = 50
-    """How many validation worlds one evaluation uses."""
+    """Validation worlds per evaluation."""
     train_navigation: tuple[str, ...] = ()
-    """Sources for the navigation episodes of a run with `both_tasks`, which need targets; `train` when not given."""
+    """Training worlds for navigation episodes when `both_tasks` is set; they need targets. Default: `train`."""
     validation_navigation: tuple[str, ...] = ()
-    """Likewise for validation; half of `validation_count` comes from either."""
+    """Validation worlds for navigation when `both_tasks` is set; each task gets half of `validation_count`. Default:
+    `validation`."""
     metres_per_pixel: Positive | None = None
-    """Scale of images and of generated worlds; when not given that of their set (`worlds.toml`), else 0.25. ROS maps
-    have their own."""
+    """Scale of images and generated worlds. Default: the scale of their set (`worlds.toml`), else 0.25. ROS maps carry
+    their own."""
 
 
 class MappingConfig(Section):
     """Belief, viewpoint graph, utility and beacons: the same in simulation and on the robot."""
 
     resolution: Positive = 0.25
-    """Belief cell, metres."""
+    """Cell size of the belief, metres."""
     sensor_range: Positive = 20.0
-    """Range of the robot's sensor, metres; longer readings count as 'nothing met' at this range."""
+    """Range of the robot's sensor, metres; a longer reading means free space up to this range."""
     viewpoint_spacing: Positive = 4.0
     """Distance between neighbouring viewpoints of the lattice, metres."""
     robot_radius: Annotated[float, Field(ge=0.0)] = 0.0
-    """Radius of the robot, metres: no edge of the viewpoint graph leads through less clearance; 0 for a point."""
+    """Radius of the robot, metres: edges of the viewpoint graph keep at least this clearance. 0 for a point robot."""
     utility_range: Positive | None = None
-    """A viewpoint observes frontiers up to this distance, metres; the sensor range when not given."""
+    """Distance up to which a viewpoint observes frontiers, metres. Default: the sensor range."""
     min_utility: Annotated[int, Field(ge=1)] = 2
-    """A viewpoint that observes fewer frontiers counts as useless (utility 0), as long as another one is useful."""
+    """Viewpoints that observe fewer frontiers have utility 0, as long as any viewpoint observes this many."""
     least_utility: Annotated[int, Field(ge=1)] = 2
-    """When no viewpoint observes `min_utility` frontiers any more, those that observe so many are useful."""
+    """Replaces `min_utility` once no viewpoint observes `min_utility` frontiers."""
     beacon_range: Positive = 20.0
-    """d_th of Algorithm 1: a beacon covers useful viewpoints up to this distance in line of sight, metres."""
+    """d_th of Algorithm 1, metres: a beacon covers the useful viewpoints within this distance in line of sight."""
 
     @property
     def observable_range(self) -> float:
@@ -80,32 +81,35 @@ class MappingConfig(Section):
 
 
 class FamilyConfig(Section):
-    """A family of worlds in a mix, and what is drawn anew for each of its episodes."""
+    """A family of worlds in a training mix, and the parameters that are randomized per episode."""
 
     name: str
-    """Its name, for reports. Lower-case letters, digits and dashes."""
+    """Name in reports. Lower-case letters, digits and dashes."""
     train: tuple[str, ...] = ()
-    """Sources of its training worlds; those of `maps` when not given."""
+    """Sources of training worlds. Default: those of `maps`."""
     validation: tuple[str, ...] = ()
-    """Likewise of its validation worlds."""
+    """Sources of validation worlds. Default: none if `train` is given, else those of `maps`."""
     tasks: tuple[str, ...] = ()
-    """Tasks that it serves, where the run has them; all of the run when not given."""
+    """Tasks that use this family. Default: all tasks of the run."""
     teacher: Literal["expert", "reference", "policy"] = "expert"
-    """Whom imitation follows here: `expert`: who knows the true map; `reference`: the route of a classical planner, for
-    worlds where that is the better beginning; `policy`: `learner.initial_policy`, so that what it can is kept."""
+    """Whom imitation follows here. `expert`: the privileged expert, which knows the true map. `reference`: the route of
+    a classical planner, for worlds where that is the better start. `policy`: `learner.initial_policy`, to preserve what
+    it has learned."""
     share: Positive = 1.0
-    """Its share of all steps, in proportion to the other families'."""
+    """Share of all steps, relative to the other families."""
     sensor_range: tuple[Positive, Positive] | None = None
-    """Range of the sensor, drawn between two bounds, metres; `mapping.sensor_range` when not given. Utilities and
-    beacons keep their share of it."""
+    """Sensor range, drawn per episode between two bounds, metres. Default: `mapping.sensor_range`. The ranges of
+    utilities and beacons scale with it."""
     viewpoint_spacing: tuple[Positive, Positive] | None = None
-    """Likewise the distance between neighbouring viewpoints, metres."""
+    """Distance between neighbouring viewpoints, drawn per episode between two bounds, metres. Default:
+    `mapping.viewpoint_spacing`."""
     robot_radius: tuple[Annotated[float, Field(ge=0.0)], Annotated[float, Field(ge=0.0)]] | None = None
-    """Likewise the radius of the robot, metres."""
+    """Radius of the robot, drawn per episode between two bounds, metres. Default: `mapping.robot_radius`."""
     max_steps: Annotated[int, Field(ge=1, le=10_000)] | None = None
-    """Each world's own limit of decisions, by its size, and at most this; `task.max_steps` when not given."""
+    """Upper bound of the decisions per episode; below it each world's limit follows from its size. Default:
+    `task.max_steps` for every world."""
     unseen_area: Annotated[float, Field(ge=0.0)] | None = None
-    """As `task.unseen_area`, which holds when this is not given."""
+    """Overrides `task.unseen_area` for this family."""
 
     @field_validator("name")
     @classmethod
@@ -130,14 +134,14 @@ class SimulatorConfig(Section):
     """The simulated robot and its sensor."""
 
     name: str = "pybullet"
-    """`pybullet`: a physics world of wall meshes; `grid`: pure 2D ray traversal, needs no PyBullet; or one that an
-    installed package adds, or MODULE:CLASS."""
+    """`pybullet`: physics with walls as a mesh. `grid`: 2D ray traversal only, without PyBullet. Or the name of a
+    simulator from an installed package, or MODULE:CLASS."""
     fidelity: Literal["kinematic", "dynamic"] = "kinematic"
-    """PyBullet only. `kinematic`: carried along the segment; `dynamic`: wheels, motors, contacts."""
+    """PyBullet only. `kinematic`: the robot is moved along the segment. `dynamic`: wheels, motors and contacts."""
     rays: Annotated[int, Field(ge=16, le=7200)] = 720
     """Beams per scan over the full circle."""
     sense_every: Positive | None = None
-    """Also scan along the way, every so many metres; by default only at waypoints (the paper's protocol)."""
+    """Distance between scans along the way, metres. Default: scan only at waypoints, as in the paper."""
     speed: Positive = 2.0
     """Driving speed, m/s."""
     range_noise: Annotated[float, Field(ge=0.0)] = 0.0
@@ -145,6 +149,6 @@ class SimulatorConfig(Section):
     lidar_rate: Positive = 10.0
     """Scans per simulated second while driving in dynamic fidelity, Hz."""
     lidar_layers: Literal[1, 16] = 1
-    """PyBullet only: 1 for a planar lidar, 16 for a 3D lidar whose returns are projected to the plane."""
+    """PyBullet only. 1: a planar lidar. 16: a 3D lidar whose returns are projected onto the plane."""
     wall_height: Positive = 2.0
     """Height of the walls in PyBullet, metres."""

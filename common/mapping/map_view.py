@@ -61,9 +61,9 @@ class MapView:
             raise MappingError("nothing to observe yet: call update(pose) after integrating a scan")
         if self.stuck:
             raise MappingError(
-                f"({self._pose.x:.2f}, {self._pose.y:.2f}) lies in no known free space where a robot of radius "
-                f"{self._config.robot_radius:g} m fits, and none is near: integrate more scans, move the robot into "
-                "free space, or use a smaller mapping.robot_radius"
+                f"({self._pose.x:.2f}, {self._pose.y:.2f}) is not in known free space where a robot of radius "
+                f"{self._config.robot_radius:g} m fits, and there is none nearby: integrate more scans, move the "
+                "robot into free space, or use a smaller mapping.robot_radius"
             )
         return self._observation
 

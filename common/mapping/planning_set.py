@@ -242,8 +242,8 @@ def plan(
     )  # fmt: skip
     if farthest > MAX_OFFSET * STEP_UNITS:
         raise MappingError(
-            f"a viewpoint lies more than {MAX_OFFSET} lattice steps from the robot, which is as far as an observation "
-            "reaches: raise mapping.viewpoint_spacing"
+            f"a viewpoint is more than {MAX_OFFSET} lattice steps from the robot, the limit of an observation: raise "
+            "mapping.viewpoint_spacing"
         )
     if most > MAX_DEGREE:
         raise MappingError(

@@ -98,7 +98,7 @@ def unpack(data: bytes, name: str = "message", max_bytes: int = 1 << 20) -> dict
     if not isinstance(value, dict):
         raise MessageError(name, f"must be a map, got {type(value).__name__}")
     if reader.position != len(data):
-        raise MessageError(name, f"must end after {reader.position} bytes, but {len(data)} came")
+        raise MessageError(name, f"must end after {reader.position} bytes, got {len(data)}")
     return value
 
 
@@ -216,7 +216,7 @@ class _Reader:
             name = self.name(path)
             inner = f"{path}.{name}"
             if name in values:
-                raise MessageError(inner, "comes twice")
+                raise MessageError(inner, "is duplicated")
             values[name] = self.value(inner, depth + 1)
         return values
 

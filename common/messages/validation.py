@@ -26,7 +26,7 @@ from common.system.jit import njit
 _PROBLEMS = {
     1: ("offsets", f"must stay within {MAX_OFFSET} lattice steps; observation {{0}}, viewpoint {{1}} does not"),
     2: ("robot", "must be a viewpoint of its observation; that of observation {0} is not"),
-    3: ("robot", "must stand at offset (0, 0); that of observation {0} does not"),
+    3: ("robot", "must be at offset (0, 0); that of observation {0} is not"),
     4: ("edge_count", "must be the sum of the degrees; that of observation {0} is not"),
     5: ("neighbours", "must be viewpoints with a higher number; edge {1} of observation {0} leads elsewhere"),
     6: ("neighbours", "must ascend strictly within a viewpoint; edge {1} of observation {0} does not"),

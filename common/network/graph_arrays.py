@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from common.config import NetworkConfig
 from common.network.reduction import kept_rows, renumbered
-from common.observations.features import FEATURE_NAMES, feature_count, node_features, paths_toward
+from common.observations.features import FEATURE_NAMES, feature_count, node_features
 from common.observations.index import EXTRA_SLOTS, LINK_SLOT, neighbour_table
 from common.observations.observation import ObservationBatch
+from common.observations.paths import paths_toward
 from common.system.jit import njit
 
 _TARGET = FEATURE_NAMES["paper"].index("target")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from common.observations.index import EXTRA_SLOTS, NeighbourTable
 from common.observations.observation import NEIGHBOUR_COUNT, STEP_UNITS, ObservationBatch
-from common.system.heap import pop, push
+from common.observations.paths import TIE, shortest_paths
 from common.system.jit import njit
 
 FeatureSet = Literal["paper", "extended", "guided"]
@@ -54,8 +54,6 @@ REACH_SCALE = 10.0
 _CELLS = 16.0
 # On a lattice the degree is 1 at most; where small rooms crowd it may be more.
 _DEGREE_LIMIT = 2.0
-# Two path lengths that differ by less are one length: sums of the same edges in different orders.
-_TIE = 1e-6
 
 
 def feature_count(features: FeatureSet) -> int:
@@ -215,12 +213,12 @@ def _fill_extended(
     target = n if has_target else -1
     distance = np.full(nodes, np.inf)
     distance[robot] = 0.0
-    order = _shortest_paths(neighbours, lengths, first, target, distance)
+    order = shortest_paths(neighbours, lengths, first, target, distance)
     useful = np.full(nodes, np.inf)
     for i in range(n):
         if utility[i] > 0:
             useful[i] = 0.0
-    _shortest_paths(neighbours, lengths, first, target, useful)
+    shortest_paths(neighbours, lengths, first, target, useful)
     for i in range(nodes):
         row = out[first + i]
         degree = 0
@@ -238,7 +236,7 @@ def _fill_extended(
                 i = neighbours[j, slot] - first
                 if i < 0 or i in (j, target):
                     continue
-                if abs(distance[i] + lengths[j, slot] - distance[j]) < _TIE:
+                if abs(distance[i] + lengths[j, slot] - distance[j]) < TIE:
                     out[first + i, 13] = 1.0
     if has_target:
         distance[:] = np.inf
@@ -246,7 +244,7 @@ def _fill_extended(
             i = neighbours[target, slot] - first
             if i >= 0:
                 distance[i] = lengths[target, slot]
-        _shortest_paths(neighbours, lengths, first, target, distance)
+        shortest_paths(neighbours, lengths, first, target, distance)
         distance[target] = 0.0
         for i in range(nodes):
             out[first + i, 14] = min(distance[i] / DISTANCE_SCALE, _LIMIT)
@@ -290,98 +288,3 @@ def _fill_guided(
             here = there
         at += route_count[g]
         view += count[g]
-
-
-@njit(cache=True, nogil=True)
-def paths_toward(
-    neighbours: NDArray[np.int32],
-    lengths: NDArray[np.float64],
-    node_ptr: NDArray[np.int64],
-    robot: NDArray[np.int32],
-    has_target: NDArray[np.bool_],
-) -> NDArray[np.uint64]:
-    """Say with which of the robot's neighbours the shortest paths to each node begin.
-
-    Args:
-        neighbours: of a `NeighbourTable`, shape (nodes, W + 2).
-        lengths: likewise.
-        node_ptr: likewise, shape (k + 1,).
-        robot: node number of the robot's viewpoint, shape (k,).
-        has_target: whether the last node is the target, through which no path leads, shape (k,).
-
-    Returns:
-        Bit s of a node is set when a shortest path (any, if several) from the robot to it begins with the neighbour in
-        slot s of the robot's row, or s + 64, and so on; 0 where no path leads, uint64, shape (nodes,).
-    """
-    bits = np.zeros(len(neighbours), dtype=np.uint64)
-    slots = neighbours.shape[1]
-    for g in range(len(robot)):
-        first, last = node_ptr[g], node_ptr[g + 1]
-        target = last - first - 1 if has_target[g] else np.int64(-1)
-        here = np.int64(robot[g])
-        distance = np.full(last - first, np.inf)
-        distance[here] = 0.0
-        order = _shortest_paths(neighbours[first:last], lengths[first:last], first, target, distance)
-        for j in order:
-            if j == here:
-                continue
-            for slot in range(slots):
-                i = neighbours[first + j, slot] - first
-                if i < 0 or i in (j, target):
-                    continue
-                if abs(distance[i] + lengths[first + j, slot] - distance[j]) >= _TIE:
-                    continue
-                if i != here:
-                    bits[first + j] |= bits[first + i]
-                    continue
-                for own in range(slots):
-                    if neighbours[first + here, own] == first + j:
-                        bits[first + j] |= np.uint64(1) << np.uint64(own % 64)
-    return bits
-
-
-@njit(cache=True, nogil=True)
-def _shortest_paths(
-    neighbours: NDArray[np.int32],
-    lengths: NDArray[np.float64],
-    first: int,
-    target: int,
-    distance: NDArray[np.float64],
-) -> NDArray[np.int64]:
-    """Run Dijkstra from all nodes of finite ``distance``; fill the others; return the nodes in order of distance.
-
-    No path leads through the target.
-    """
-    nodes, slots = neighbours.shape
-    capacity = nodes + 1
-    for i in range(nodes):
-        for slot in range(slots):
-            capacity += neighbours[i, slot] >= 0
-    keys = np.empty(capacity)
-    items = np.empty(capacity, dtype=np.int64)
-    size = 0
-    for i in range(nodes):
-        if distance[i] < np.inf:
-            size = push(keys, items, size, distance[i], i)
-    done = np.zeros(nodes, dtype=np.bool_)
-    order = np.empty(nodes, dtype=np.int64)
-    settled = 0
-    while size > 0:
-        i = items[0]
-        size = pop(keys, items, size)
-        if done[i]:
-            continue
-        done[i] = True
-        order[settled] = i
-        settled += 1
-        if i == target:
-            continue
-        for slot in range(slots):
-            j = neighbours[i, slot] - first
-            if j < 0 or done[j]:
-                continue
-            length = distance[i] + lengths[i, slot]
-            if length < distance[j]:
-                distance[j] = length
-                size = push(keys, items, size, length, j)
-    return order[:settled]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from enum import Enum
 from typing import Final
 
 from common.config import MappingConfig
@@ -14,23 +15,29 @@ JUDGED_AT: Final = 0.2
 # furniture, winding walls or trees divide the floor, it holds more. And a decision shows so much of the disc, at least.
 MOST_VIEWPOINTS: Final = 1.05
 LEAST_SHOWN: Final = 0.2
-# In the open, which the policy masters although trees divide it, a decision shows much of the disc, and the known floor
-# has a long frontier: the share of the disc, and `FRONTIER_WEIGHT` times the frontier by the side of a square as large.
+# In the open, as among trees, a decision shows much of the disc, and the known floor has a long frontier: the share of
+# the disc, and `FRONTIER_WEIGHT` times the frontier by the side of a square as large.
 OPEN: Final = 0.66
 FRONTIER_WEIGHT: Final = 0.03
-
-
 # More decisions of the rule against cycles than this in an episode: the policy dithers.
 MOST_CYCLES: Final = 8
+
+
+class Decider(Enum):
+    """Who decides in a world: the policy, or the classical planner of its kind (see `Task`)."""
+
+    POLICY = "policy"
+    REFERENCE = "reference"
+    IN_THE_OPEN = "in_the_open"
 
 
 class Depth:
     """Judges whether a policy trained on block maps is in its depth; once it is not, it is not for all the episode.
 
     Measured on 290 worlds of validation seeds when a fifth of the disc was known: viewpoints a square 0.81 to 1.01 on
-    public maps and in rooms, where a decision shows 0.23 of the disc or more; 1.16 and more in offices, warehouses,
-    tunnels and buildings; of these 140 worlds none counts as open, of 50 forests 94 % do. Over whole explorations of 40
-    public maps and rooms viewpoints a square never rise above 1.005 (docs/training.md).
+    public maps and in rooms, where a decision shows 0.23 of the disc or more; 1.16 and more in forests, offices,
+    warehouses, tunnels and buildings. Of 50 forests 94 % count as open, of the 140 worlds with walls none does. Over
+    whole explorations of 40 public maps and rooms viewpoints a square never rise above 1.005 (docs/training.md).
 
     Args:
         config: the mapping of the episode.
@@ -43,10 +50,10 @@ class Depth:
         self._resolution = config.resolution
         self._decisions = 0
         self._open = False
-        self._within: bool | None = None if known_scale else False
+        self._judged = self._out_of_depth = not known_scale
 
-    def within(self, mapper: Mapper, cycles: int) -> bool:
-        """Whether the policy shall decide; to be asked once for each decision. False until the world can be judged.
+    def decider(self, mapper: Mapper, cycles: int) -> Decider:
+        """Return who shall decide; to be asked once for each decision. The reference until the world can be judged.
 
         Args:
             mapper: updated, and not stuck.
@@ -55,12 +62,15 @@ class Depth:
         self._decisions += 1
         area = mapper.explored_area
         if area < JUDGED_AT * self._disc:
-            return False
-        whole = len(mapper.viewpoints) * self._square <= MOST_VIEWPOINTS * area
-        if self._within is None:
+            return Decider.REFERENCE
+        if not self._judged:
+            self._judged = True
             shown = area / self._decisions / self._disc
             frontier = len(mapper.frontiers) * self._resolution
             self._open = shown + FRONTIER_WEIGHT * frontier / math.sqrt(area) >= OPEN
-            self._within = self._open or (whole and shown >= LEAST_SHOWN)
-        self._within = self._within and (self._open or whole) and cycles <= MOST_CYCLES
-        return self._within
+            self._out_of_depth = shown < LEAST_SHOWN
+        whole = len(mapper.viewpoints) * self._square <= MOST_VIEWPOINTS * area
+        self._out_of_depth = self._out_of_depth or not whole or cycles > MOST_CYCLES
+        if not self._out_of_depth:
+            return Decider.POLICY
+        return Decider.IN_THE_OPEN if self._open else Decider.REFERENCE

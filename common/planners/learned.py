@@ -13,7 +13,7 @@ from common.config import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Planner, Position, Status, TaskName
-from common.planners.depth import Depth
+from common.planners.depth import Decider, Depth
 from common.planners.exploration.greedy import GreedyPlanner
 from common.planners.reference import ReferenceRoute
 from common.planners.registry import make_planner
@@ -65,8 +65,8 @@ class LearnedPlanner:
     or is done with its goal, so there is an end.
 
     A guard stands before the shipped policies, which were trained on block maps: in worlds of another kind, and with
-    cells or viewpoints of another scale (see `Depth`), a classical planner decides, `tour` in exploration and D* Lite
-    in navigation. Policies of one's own have no guard.
+    cells or viewpoints of another scale (see `Depth`), a classical planner decides: in exploration `tour`, or `greedy`
+    in the open, in navigation D* Lite. Policies of one's own have no guard.
 
     Rule and guard are no part of the paper, so their decisions are counted, and `hdplanner-bare` is the network without
     either.
@@ -93,7 +93,7 @@ class LearnedPlanner:
     _beacon: Position | None
     _reference: ReferenceRoute | None
     _depth: Depth | None
-    _classical: Planner | None
+    _classical: dict[Decider, Planner]
 
     def __init__(
         self,
@@ -168,17 +168,20 @@ class LearnedPlanner:
         elif self._guards(self.card):
             self._depth = Depth(self._config, known_scale=not self._leaves_all(self.card))
             kind = find_task(task)
-            self._classical = make_planner(kind.reference, self.mapping_for(task))
-            self._classical.reset(kind.asked_of(kind.reference, self._classical.tasks), target, 0)
+            for decider in (Decider.REFERENCE, Decider.IN_THE_OPEN):
+                name = getattr(kind, decider.value)
+                planner = self._classical[decider] = make_planner(name, self.mapping_for(task))
+                planner.reset(kind.asked_of(name, planner.tasks), target, 0)
 
     def plan(self, mapper: Mapper, pose: Pose) -> Plan:
         """Decide; the mapper has taken in the newest scan and was updated at this pose."""
-        if self._depth is not None and not mapper.stuck and not self._depth.within(mapper, self.rule_applied):
-            assert self._classical is not None
-            self.guarded += 1
-            self.guarded_by = self._classical.name
-            self.attention = None
-            return self._classical.plan(mapper, pose)
+        if self._depth is not None and not mapper.stuck:
+            decider = self._depth.decider(mapper, self.rule_applied)
+            if decider is not Decider.POLICY:
+                self.guarded += 1
+                self.guarded_by = self._classical[decider].name
+                self.attention = None
+                return self._classical[decider].plan(mapper, pose)
         self.guarded_by = ""
         end = self._end(mapper, pose)
         if end is not None:
@@ -270,7 +273,7 @@ class LearnedPlanner:
             card = self._read[task][1]
             if self._leaves_all(card):
                 log.info(
-                    "cells or viewpoints are of another scale than the shipped policy was trained with: %s decides",
+                    "cells or viewpoints differ in scale from the training of the shipped policy: %s decides",
                     find_task(task).reference,
                 )
             else:
@@ -291,7 +294,7 @@ class LearnedPlanner:
         self._beacon = None
         self._reference = None
         self._depth = None
-        self._classical = None
+        self._classical = {}
         self.guarded = 0
         self.guarded_by = ""
         # Viewpoints beside lattice points move a little whenever their surroundings become known better.

@@ -42,7 +42,7 @@ PLANNERS: Final = Registry(
             "exploration.covering_tour:CoveringTourPlanner", "covering tour over all frontiers", "exploration"
         ),
         "dstar_lite": _entry("navigation.dstar_lite:DStarLitePlanner", "D* Lite (Koenig 2002)", "navigation"),
-        "astar": _entry("navigation.astar:AStarPlanner", "A*, planned anew at each step", "navigation"),
+        "astar": _entry("navigation.astar:AStarPlanner", "A*, replanned from scratch at each step", "navigation"),
         "bit_star": _entry("navigation.bit_star:BitStarPlanner", "BIT* through OMPL (Gammell 2015)", "navigation"),
         "far": _entry("navigation.far:FarPlanner", "incremental visibility graph (Yang 2022)", "navigation"),
         "hdplanner": _entry("learned:LearnedPlanner", "a trained policy (Liang 2025)", "exploration", "navigation"),

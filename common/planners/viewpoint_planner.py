@@ -148,7 +148,7 @@ def lead_to(mapper: Mapper, pose: Pose, stops: list[int], spacing: float) -> Pla
         route += mapper.path(route[-1], stop)[1:]
     plan = next_leg(mapper, pose, route, spacing)
     if plan.waypoint is None:
-        return Plan(Status.COMPLETE, reason="the robot stands on the only viewpoint that is left to visit")
+        return Plan(Status.COMPLETE, reason="the robot is at the only viewpoint left to visit")
     return replace(plan, beacon=mapper.position(stops[0]))
 
 
@@ -198,4 +198,7 @@ def nothing_left(useful: int) -> str:
     """Say why no viewpoint is worth going to; so many still observe frontiers."""
     if not useful:
         return "no reachable viewpoint observes a frontier"
-    return f"the {useful} viewpoints that still observe frontiers were all scanned from: nothing more can be seen there"
+    return (
+        f"the {useful} viewpoints that still observe frontiers have all been used for a scan: nothing more can be seen "
+        "from them"
+    )

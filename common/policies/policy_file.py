@@ -176,7 +176,7 @@ def read_weights(path: Path) -> tuple[dict[str, NDArray[Any]], PolicyCard]:
         CheckpointError: when a file is missing, damaged or of another format, or holds an ONNX model.
     """
     if path.suffix != SUFFIX:
-        raise CheckpointError(f"training goes on from a {SUFFIX} file, got {path.name!r}")
+        raise CheckpointError(f"training continues only from a {SUFFIX} file, got {path.name!r}")
     card, data = _read(path)
     return _tensors(path, data), card
 

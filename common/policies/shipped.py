@@ -23,7 +23,7 @@ def shipped_policy(task: str) -> Path:
     path = _FOLDER / f"{task}.safetensors"
     if not path.is_file():
         raise CheckpointError(
-            f"no policy is shipped for the task {task!r}, there is no {path.name}: reinstall the package, "
-            "or name a policy of your own (.safetensors), as 'hd-learner export' writes it"
+            f"no policy is shipped for the task {task!r}, {path.name} does not exist: reinstall the package, or give "
+            "your own policy (.safetensors), as written by 'hd-learner export'"
         )
     return path

@@ -5,20 +5,27 @@ would live on inside them, and a software update could run old machine code. Her
 the contents of all modules whose kernels a kernel can call, those of its own package and of `common`: any change of
 them begins a new folder. It also works where the software's own folder cannot be written to. A user's own
 NUMBA_CACHE_DIR wins.
+
+Processes that start together need the same kernels: each is compiled by one of them, while the others wait for it and
+load it.
 """
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import functools
 import hashlib
 import os
 import shutil
 import time
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core.compiler_lock import global_compiler_lock
 
 _SOURCES = Path(__file__).parents[2]
 _MARK = b"import njit"
@@ -32,7 +39,10 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
         if not os.environ.get("NUMBA_CACHE_DIR"):
             # Read when the function is decorated, so it can differ from function to function.
             numba.config.CACHE_DIR = str(cache_folder(function.__module__.split(".")[0]))  # type: ignore[attr-defined]
-        return numba.njit(**options)(function)
+        kernel = numba.njit(**options)(function)
+        if options.get("cache"):
+            _compile_in_one_process(kernel, Path(numba.config.CACHE_DIR))  # type: ignore[attr-defined]
+        return kernel
 
     return decorate
 
@@ -64,6 +74,44 @@ def forget_old_caches() -> None:
     for folder in _caches().iterdir():
         if folder not in current and time.time() - folder.stat().st_mtime > _FORGET_SECONDS:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def _compile_in_one_process(kernel: Any, folder: Path) -> None:
+    """Let one process at a time compile a kernel; numba's own cache is read without a lock, and not again."""
+    compile_now = kernel.compile
+    place = zlib.crc32(f"{kernel.py_func.__module__}.{kernel.py_func.__qualname__}".encode())
+
+    def compile_once(signature: Any) -> Any:
+        if isinstance(signature, tuple) and signature in kernel.overloads:
+            return compile_now(signature)
+        # numba's lock first: whoever waits for another process keeps this one's threads from waiting for each other.
+        with global_compiler_lock, _claimed(folder, place):
+            return compile_now(signature)
+
+    kernel.compile = compile_once
+
+
+@contextlib.contextmanager
+def _claimed(folder: Path, place: int) -> Iterator[None]:
+    """Hold a place among all kernels against other processes; the system gives it back when this process dies."""
+    try:
+        descriptor = _claims(folder)
+        fcntl.lockf(descriptor, fcntl.LOCK_EX, 1, place)
+    except OSError:
+        # A folder that cannot be written to, or a file system without locks: compiled by everyone for themselves.
+        yield
+        return
+    try:
+        yield
+    finally:
+        fcntl.lockf(descriptor, fcntl.LOCK_UN, 1, place)
+
+
+@functools.cache
+def _claims(folder: Path) -> int:
+    """Return the descriptor of a cache's file of locks, one byte a kernel; it stays open as long as the process."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return os.open(folder / "compiling", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
 
 
 def _caches() -> Path:

@@ -67,7 +67,7 @@ class Complaints:
             self._last, unsaid = (kind, now), self._unsaid
             self._unsaid = 0
         again = f" ({unsaid} errors more since the last line)" if unsaid else ""
-        log.error("%s failed and goes on: %s%s", self._what, kind, again, exc_info=None if kind == before else error)
+        log.error("%s failed and continues: %s%s", self._what, kind, again, exc_info=None if kind == before else error)
 
 
 def guarded(what: str, act: Callable[P, object]) -> Callable[P, None]:

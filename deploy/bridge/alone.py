@@ -97,8 +97,8 @@ class Rivals(Closing):
         if not count:
             return ""
         return (
-            f"{count + 1} bridges on this network have the name {self._name!r}, and commands cannot tell their robots "
-            "apart: give each a name of its own (--name) and start it anew"
+            f"{count + 1} bridges on this network have the name {self._name!r}, so commands cannot be addressed to "
+            "one: give each a unique name (--name) and restart it"
         )
 
     def close(self) -> None:
@@ -119,6 +119,6 @@ class Rivals(Closing):
 def _taken(name: str, others: frozenset[BridgeId] | set[BridgeId]) -> str:
     instances = ", ".join(sorted(instance for _, instance in others))
     return (
-        f"a bridge with the name {name!r} is at work on this network already (instance {instances}): stop it, or give "
-        "this one a name of its own, by --name or ros.namespace"
+        f"a bridge with the name {name!r} is already running on this network (instance {instances}): stop it, or "
+        "give this one another name with --name or ros.namespace"
     )

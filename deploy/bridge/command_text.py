@@ -47,7 +47,7 @@ def release_of(arguments: Mapping[str, Any]) -> tuple[str, str]:
     who, why = (arguments.get(name) for name in ("who", "why"))
     if not all(isinstance(text, str) and 0 < len(text.strip()) <= _LONGEST_REASON for text in (who, why)):
         raise CommandError(
-            "whoever releases the emergency stop says who they are and why it is safe, each in at most "
+            "releasing the emergency stop requires a name and the reason why it is safe, each at most "
             f"{_LONGEST_REASON} characters: {RELEASE}"
         )
     return str(who).strip(), str(why).strip()

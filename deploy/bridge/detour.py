@@ -46,7 +46,7 @@ def detour(mapper: Mapper, pose: Pose, target: Position | None, spacing: float, 
         may_enter: whether the robot may drive straight from one position to another.
     """
     if mapper.stuck:
-        return Plan(Status.STUCK, reason="there is no room for the robot where it stands, by its map")
+        return Plan(Status.STUCK, reason="according to the map, the robot does not fit where it is")
     edges = _Edges(mapper, may_enter)
     goals = [int(node) for node in useful_nodes(mapper, target) if edges.allowed[node]]
     for _ in range(_MAX_TRIES):

@@ -62,7 +62,7 @@ def diagnose(mapper: Mapper | None, pose: Pose | None, config: MappingConfig) ->
     """
     if mapper is None or pose is None or mapper.belief.known_cells == 0:
         lacking = "pose" if pose is None else "map"
-        return Diagnosis(Cause.NO_MAP, f"there is no {lacking} yet: check the topics of the sensors")
+        return Diagnosis(Cause.NO_MAP, f"no {lacking} yet: check the sensor topics")
     if mapper.stuck:
         value = mapper.belief.at(pose.position)
         here = f"({pose.x:.2f}, {pose.y:.2f}) by its map"

@@ -80,7 +80,7 @@ def _inputs(status: Status) -> _Entry:
     values |= {f"dropped: {reason}": count for reason, count in status.dropped.items()}
     if status.faults:
         return ERROR, "; ".join(status.faults.values()), values
-    return OK, "sound" if status.ages else "nothing has come yet", values
+    return OK, "sound" if status.ages else "nothing received yet", values
 
 
 def _planner(status: Status) -> _Entry:

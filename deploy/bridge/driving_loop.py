@@ -168,7 +168,7 @@ class DrivingLoop(Closing):
         faults = self._health.check(now)
         pose = self._surroundings.pose
         if faults or pose is None:
-            self._hold(faults[0].reason if faults else "there is no pose yet")
+            self._hold(faults[0].reason if faults else "no pose yet")
             return
         if self._planner is None:
             self._held = ("", "")

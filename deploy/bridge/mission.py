@@ -252,7 +252,7 @@ def too_far(target: Position, here: Position, reach: float) -> str:
     if distance <= reach:
         return ""
     return (
-        f"a target must lie within {reach:g} m of the robot (decision.goal_reach), in metres of the map frame and not "
+        f"a target must be within {reach:g} m of the robot (decision.goal_reach), in metres of the map frame and not "
         f"in degrees or UTM coordinates; ({target[0]:.6g}, {target[1]:.6g}) is {distance:.6g} m from "
         f"({here[0]:.2f}, {here[1]:.2f})"
     )

@@ -64,7 +64,7 @@ class NavigateAction(Closing):
             return
         distance = float("inf") if pose is None else hypot(pose.x - self._target[0], pose.y - self._target[1])
         if orders.target != self._target or not orders.task.needs_target:
-            self._end(GoalState.ABORTED, "another order came")
+            self._end(GoalState.ABORTED, "another command arrived")
         elif orders.phase is Phase.FINISHED or (orders.phase is Phase.RETURNING and distance <= self._goal_radius):
             self._end(GoalState.SUCCEEDED, "")
         elif orders.phase is Phase.ABORTED:

@@ -102,7 +102,7 @@ class PlanSupervisor:
         if any(map(self._fence.contains, left)):
             why = "could not be reached"
         else:
-            why = "lies outside the geofence, or was looked at in vain"
+            why = "is outside the geofence, or an earlier visit revealed nothing"
         return Plan(Status.UNREACHABLE, reason=f"everything that is left {why}")
 
     def second_look(self, mapper: Mapper, place: Pose, plan: Plan, now: float) -> Plan:
@@ -195,7 +195,7 @@ class PlanSupervisor:
             way = None if mapper.stuck else way_to(mapper, pose, course.goal)
         stalled = self._progress.update(now, area, course.goal, way)
         if loop is not None:
-            return f"the robot circles through {len(loop.waypoints)} waypoints without news"
+            return f"the robot circles through {len(loop.waypoints)} waypoints without new area"
         return f"no new area and no nearer goal for {self._progress_time:g} s" if stalled else ""
 
     def give_up(self, course: Course, why: str, now: float) -> None:

@@ -63,7 +63,7 @@ class Frames:
         if frame != self._odometry:
             return (
                 f"the odometry changed from the frame {self._odometry!r} to {frame!r}: let one node publish it, or "
-                "take poses by TF (sensing.pose=tf)"
+                "take poses from TF (sensing.pose=tf)"
             )
         if frame == self._map or not self._tree.knows(frame):
             return ""
@@ -71,8 +71,8 @@ class Frames:
         if between is None or (hypot(*between.translation) < _SAME and abs(between.pose.yaw) < _SAME):
             return ""
         return (
-            f"the odometry is in the frame {frame!r}, which by TF lies at {between.pose} in {self._map!r}: take poses "
-            f"by TF (sensing.pose=tf), or plan in the odometry's frame (frames.map={frame})"
+            f"the odometry is in the frame {frame!r}, which according to TF is at {between.pose} in {self._map!r}: "
+            f"take poses from TF (sensing.pose=tf), or plan in the odometry's frame (frames.map={frame})"
         )
 
     def odometry_note(self) -> str:
@@ -80,12 +80,12 @@ class Frames:
         frame, child = self._odometry, self._child
         if frame is not None and frame != self._map:
             return (
-                f"the odometry is in the frame {frame!r}, which is taken for {self._map!r}: set frames.map={frame}, so "
-                "that what the bridge says is in that frame too"
+                f"the odometry is in the frame {frame!r}, which is assumed to be {self._map!r}: set "
+                f"frames.map={frame}, so that the bridge's messages use that frame too"
             )
         if child not in {"", self._base} and self._base_in_child() is None:
             return (
-                f"the odometry tells the pose of {child!r}, which is taken for {self._base!r}: set "
+                f"the odometry reports the pose of {child!r}, which is assumed to be {self._base!r}: set "
                 f"frames.base={child}, or publish the transform between the two"
             )
         return ""
@@ -126,12 +126,12 @@ class Frames:
             return True, ""
         if self._tree.knows(self._base):
             return False, (
-                f"TF does not tell where the frame {frame!r} lies on {self._base!r}: publish its transform on "
+                f"TF has no transform from the frame {frame!r} to {self._base!r}: publish its transform on "
                 "/tf_static, or set sensing.sensor_offset"
             )
         return True, (
-            f"nothing tells where the frame {frame!r} lies on {self._base!r}, so it is taken for the same: publish its "
-            "transform on /tf_static, or set sensing.sensor_offset"
+            f"the position of the frame {frame!r} on {self._base!r} is unknown, so the two are assumed to coincide: "
+            "publish its transform on /tf_static, or set sensing.sensor_offset"
         )
 
     def _base_in_child(self) -> Transform | None:

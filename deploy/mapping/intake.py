@@ -226,22 +226,25 @@ class Intake:
             return
         kind, stream = message.kind, f"{message.kind} in {message.frame!r}"
         if stream not in self._orders and len(self._orders) >= MAX_STREAMS:
-            self.drop("too many frames", f"messages came in {MAX_STREAMS} frames, the last in {message.frame!r}")
+            self.drop("too many frames", f"messages arrived in {MAX_STREAMS} frames, the last in {message.frame!r}")
             return
         if self._ordered(stream, message.time) in {Order.LATE, Order.REPEATED}:
-            self.drop(f"{kind} outdated", f"a {kind} came with the stamp {message.time:.3f} s, which is no news")
+            self.drop(
+                f"{kind} outdated",
+                f"a {kind} arrived with the stamp {message.time:.3f} s, which is not newer than the last one",
+            )
             return
         self._tick(message.time)
         self._waiting.append(message)
         if len(self._waiting) > MAX_WAITING:
             self._waiting.popleft()
-            self.drop("queue full", f"more than {MAX_WAITING} messages wait for a pose: check that poses come")
+            self.drop("queue full", f"more than {MAX_WAITING} messages wait for a pose: check that poses arrive")
 
     def _ordered(self, stream: str, time: float) -> Order:
         """Take in a stamp of a stream; when the clock was set back, forget all that was stamped before."""
         order = self._orders.setdefault(stream, StampOrder()).take(time)
         if order is Order.SET_BACK:
-            self.warn(f"a {stream} is stamped {time:.3f} s: the clock was set back, and poses begin anew")
+            self.warn(f"a {stream} is stamped {time:.3f} s: the clock was set back, so earlier poses are discarded")
             self._poses.clear()
             self._tree.forget_moving()
             self._waiting.clear()

@@ -30,7 +30,7 @@ class MeasuredGrid(GrowingGrid):
 
     @property
     def empty(self) -> bool:
-        """Whether nothing has come yet."""
+        """Whether nothing received yet."""
         return self.states.size == 0
 
     @property

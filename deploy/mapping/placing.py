@@ -127,8 +127,9 @@ class Placing:
         if "sensor_offset" not in sensing.model_fields_set or off <= _PLACE_OFF:
             return ""
         return (
-            f"by TF the frame {frame!r} lies at ({by_tf.x:.2f}, {by_tf.y:.2f}, {by_tf.yaw:.2f}) on {self._base!r}, and "
-            f"that counts; sensing.sensor_offset says {sensing.sensor_offset}: correct one, or leave it out"
+            f"according to TF, the frame {frame!r} is at ({by_tf.x:.2f}, {by_tf.y:.2f}, {by_tf.yaw:.2f}) on "
+            f"{self._base!r}, which takes precedence; sensing.sensor_offset is {sensing.sensor_offset}: correct one, "
+            "or leave it out"
         )
 
     def _height_note(self, frame: str, mount: Transform) -> str:
@@ -138,8 +139,9 @@ class Placing:
         if abs(by_tf - height) <= _HEIGHT_OFF:
             return ""
         return (
-            f"by TF the lidar's frame {frame!r} lies {by_tf:.2f} m above {self._base!r}, but sensing.sensor_height "
-            f"says {height:g} m above the floor, and counts: correct one, or obstacles are sought at a wrong height"
+            f"according to TF, the lidar's frame {frame!r} is {by_tf:.2f} m above {self._base!r}, but "
+            f"sensing.sensor_height is {height:g} m above the floor, which takes precedence: correct one, or "
+            "obstacles are detected at the wrong height"
         )
 
     def _assumed(self, frame: str, is_scan: bool) -> str:
@@ -147,8 +149,8 @@ class Placing:
         if not is_scan and self._sensing.points_frame == "map":
             raise NoPlaceError(
                 "frame not known",
-                f"a cloud is in the frame {frame!r}, which is not {self._map!r}, and TF does not tell where it lies: "
-                "publish its transform on /tf_static, or set sensing.points_frame=sensor",
+                f"a cloud is in the frame {frame!r}, which is not {self._map!r}, and TF has no transform between "
+                "them: publish it on /tf_static, or set sensing.points_frame=sensor",
             )
         may, note = self._frames.assumed(frame)
         if not may:

@@ -177,14 +177,14 @@ class RobotMap:
         with self._intake_lock:
             self._grids_received += 1
             if self._config.sensing.source != "grid":
-                self._intake.drop("grid not wanted", "an OccupancyGrid came, but sensing.source is not 'grid'")
+                self._intake.drop("grid not wanted", "an OccupancyGrid arrived, but sensing.source is not 'grid'")
             elif self._grid_order.take(time) is Order.LATE:
-                self._intake.drop("grid outdated", "an OccupancyGrid came after a newer one")
+                self._intake.drop("grid outdated", "an OccupancyGrid arrived after a newer one")
             elif cells.max(initial=-1) == 1:
                 self._intake.drop(
                     "grid refused",
-                    "an OccupancyGrid's cells are percentages, -1 unknown, 0 free to 100 occupied; none of this one is "
-                    "above 1, so that its walls would be free: publish 100 where it says 1",
+                    "an OccupancyGrid's cells are percentages, -1 unknown, 0 free to 100 occupied; none of this one "
+                    "is above 1, so its walls would be free: publish 100 instead of 1",
                 )
             else:
                 self._grid_newest = self._grid_pending = SlamGrid(cells, resolution, origin), frame
@@ -339,8 +339,8 @@ class RobotMap:
         place = self._intake.world(frame)
         if place is None:
             self._intake.note(
-                f"an OccupancyGrid is in the frame {frame!r}, and TF does not tell yet where that lies in "
-                f"{self._config.frames.map!r}: publish the transform, or set frames.map={frame}"
+                f"an OccupancyGrid is in the frame {frame!r}, and TF has no transform to {self._config.frames.map!r} "
+                f"yet: publish it, or set frames.map={frame}"
             )
             return None
         self._grid_pending = None

@@ -109,8 +109,8 @@ def strangeness(cells: NDArray[np.int8], config: SensingConfig) -> str:
     between = float(np.mean((known > config.grid_free) & (known < config.grid_occupied)))
     if between > STRANGE_SHARE:
         return (
-            f"{between:.0%} of the OccupancyGrid's known values lie between grid_free ({config.grid_free}) and "
-            f"grid_occupied ({config.grid_occupied}) and count as unknown: set the two for this SLAM"
+            f"{between:.0%} of the OccupancyGrid's known values are between grid_free ({config.grid_free}) and "
+            f"grid_occupied ({config.grid_occupied}) and count as unknown: adjust the two for this SLAM"
         )
     if not (known <= config.grid_free).any():
         return f"no value of the OccupancyGrid is at most grid_free ({config.grid_free}): nothing is free"

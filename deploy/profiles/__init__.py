@@ -44,14 +44,14 @@ INTRODUCTION = """# Parameters of the robot side
 A robot has one typed tree of parameters. Each source overrides the ones before it:
 
 1. the defaults below,
-2. a profile: `--profile bare` (when none is named), [`cmu`](cmu.md) or [`nav2`](nav2.md),
+2. a profile: `--profile bare` (the default), [`cmu`](cmu.md) or [`nav2`](nav2.md),
 3. a TOML or JSON file: `--config robot.toml`,
-4. environment variables: `HDROBOT_DECISION__PLANNER=tare` is `decision.planner`,
-5. the command line: `--set decision.planner=tare`, as often as needed.
+4. environment variables: `HDROBOT_DECISION__PLANNER=tare` sets `decision.planner`,
+5. the command line: `--set decision.planner=tare`, repeatable.
 
-`hd-deploy config` takes the same options and prints the resolved tree as TOML, which `--config` reads back.
-Whatever is unknown or out of range ends the command with a line that names the parameter, where its value came
-from and what is expected. In a file, the text `"null"` stands for a parameter that is not given.
+`hd-deploy config` takes the same options and prints the resolved tree as TOML, which `--config` accepts.
+An unknown parameter or a value out of range is an error that names the parameter, the source of the value and what
+was expected. In a file, `"null"` unsets a parameter.
 """
 
 

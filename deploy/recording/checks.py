@@ -147,7 +147,7 @@ class Checks:
             check = self.topics.get(name)
             if check is None:
                 found.append(
-                    f"nothing came on {name}, which the bridge needs (topics.{what}); "
+                    f"no message on {name}, which the bridge needs (topics.{what}); "
                     f"there are {', '.join(self.topics) or 'no topics at all'}"
                 )
             elif what != "map" and (gap := max(check.gap, self._end - check.last)) > limit:
@@ -199,7 +199,7 @@ class Checks:
         found = []
         if between > 0.01 * total:
             found.append(
-                f"{name}: {100.0 * between / total:.1f} % of the cells lie between sensing.grid_free "
+                f"{name}: {100.0 * between / total:.1f} % of the cells are between sensing.grid_free "
                 f"({sensing.grid_free}) and sensing.grid_occupied ({sensing.grid_occupied}) and count as unknown"
             )
         if wrong:

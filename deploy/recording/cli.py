@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import tempfile
 import threading
 from collections.abc import Sequence
@@ -18,18 +17,12 @@ from common.registry import refuse_modules
 from common.system.logs import setup_logging
 from common.system.progress import Steps, tell_of_kernels
 from common.system.signals import stopping_signals
+from deploy.cli_options import ConfigFile, Connect, LogLevel, Overrides, Profile, load_options
 from deploy.config import DeployConfig
 from deploy.profiles import load_deploy_config, named_parts
 
 app = typer.Typer()
 
-Profile = Annotated[str | None, typer.Option("--profile", help="Shipped parameters: bare, cmu or nav2.")]
-ConfigFile = Annotated[Path | None, typer.Option("--config", help="TOML or JSON file with parameters.", metavar="FILE")]
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option("--set", help="One parameter; may be repeated.", metavar="SECTION.FIELD=VALUE"),
-]
-LogLevel = Annotated[str | None, typer.Option("--log-level", help="debug, info, warning or error.")]
 Rerun = Annotated[bool, typer.Option("--rerun", help="Show it live in Rerun (extra `rerun`).")]
 
 RECORD_EXAMPLES = """
@@ -44,7 +37,7 @@ Examples:
 REPLAY_EXAMPLES = """
 Examples:
 
-  hd-deploy replay lab                               decide anew by the recorded parameters, and compare
+  hd-deploy replay lab                               repeat the decisions with the recorded parameters, and compare
 
   hd-deploy replay lab --planner tare                what would another planner have done?
 
@@ -70,9 +63,7 @@ def record(
     compression: Annotated[
         Literal["none", "lz4", "zstd"], typer.Option("--compression", help="Of the file's chunks.")
     ] = "zstd",
-    connect: Annotated[
-        list[str] | None, typer.Option("--connect", help="Endpoint of the robot's router.", metavar="ENDPOINT")
-    ] = None,
+    connect: Connect = None,
     profile: Profile = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
@@ -85,7 +76,7 @@ def record(
     from deploy.recording.viewer import Viewer
     from deploy.recording.writer import BagWriter
 
-    resolved = _load(profile, config, overrides, connect)
+    resolved = load_options(profile, config, overrides, connect)
     folder = out or Path("recordings") / datetime.now().astimezone().strftime("%Y-%m-%d-%H-%M-%S")
     listener = Viewer(resolved.ros.distro).show if rerun else None
     stop = threading.Event()
@@ -118,7 +109,7 @@ def replay(
     rerun: Rerun = False,
     log_level: LogLevel = None,
 ) -> None:
-    """Decide anew by a recording, compare with what was decided then, and check rates, gaps, frames and stamps.
+    """Repeat the decisions of a recording and compare them; check rates, gaps, frames and stamps.
 
     Parameters are those of the recording, unless --profile or --config gives others; --set changes single ones.
     """
@@ -133,7 +124,7 @@ def replay(
     every = [*(overrides or ()), *([f"decision.planner={planner}"] if planner else ())]
     resolved = None if profile or config else recorded_config(path)
     if resolved is None:
-        resolved = _load(profile, config, every)
+        resolved = load_options(profile, config, every)
     else:
         resolved = _override(resolved, every)
         given = {text.partition("=")[2] for text in every}
@@ -170,7 +161,7 @@ def recover(
     out: Annotated[Path, typer.Argument(help="Folder of the new bag.", metavar="FOLDER")],
     log_level: LogLevel = None,
 ) -> None:
-    """Make a whole bag of a recording whose recorder was killed, for tools that need its index.
+    """Complete the bag of a recorder that was killed, for tools that need its index.
 
     Example: `hd-deploy recover recordings/2026-03-01-10-20-30 whole`
     """
@@ -178,15 +169,6 @@ def recover(
     from deploy.recording.reader import recover as recover_bag
 
     typer.echo(f"{recover_bag(path, out)} messages: {out}")
-
-
-def _load(
-    profile: str | None, file: Path | None, overrides: Sequence[str] | None, connect: Sequence[str] | None = None
-) -> DeployConfig:
-    every = list(overrides or ())
-    if connect:
-        every.append(f"ros.connect={','.join(connect)}")
-    return load_deploy_config(file, every, os.environ, profile)
 
 
 def _override(recorded: DeployConfig, overrides: Sequence[str]) -> DeployConfig:

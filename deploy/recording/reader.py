@@ -65,7 +65,7 @@ def recorded_config(path: Path) -> DeployConfig | None:
                 try:
                     return DeployConfig.model_validate_json(record.data)
                 except ValidationError as error:
-                    log.warning("%s holds parameters of another version: %s", file, error)
+                    log.warning("%s has parameters of another version: %s", file, error)
             if isinstance(record, Message):
                 # They stand before the first message.
                 return None
@@ -149,7 +149,7 @@ def _records(path: Path) -> Iterator[Any]:
     """Yield the records of an MCAP file up to its end, or to where it breaks off."""
     with path.open("rb") as stream:
         if stream.read(len(_MAGIC)) != _MAGIC:
-            raise RecordingError(f"{path} is no MCAP file: it begins with other bytes")
+            raise RecordingError(f"{path} is not an MCAP file: it does not begin with the MCAP magic bytes")
         bounded = _Bounded(stream, path.stat().st_size)
         records = StreamReader(
             cast(IO[bytes], bounded), skip_magic=True, emit_chunks=True, record_size_limit=_LARGEST_RECORD

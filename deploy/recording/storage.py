@@ -58,7 +58,7 @@ def storage_files(path: Path) -> list[Path]:
             return [path]
         raise RecordingError(f"{path} is no recording: name the folder of a ROS 2 bag, or its .mcap or .db3 file")
     if not path.is_dir():
-        raise RecordingError(f"there is no recording at {path}: name the folder of a bag, or an .mcap or .db3 file")
+        raise RecordingError(f"no recording at {path}: give the folder of a bag, or an .mcap or .db3 file")
     found = [file for file in path.iterdir() if file.is_file() and storage_of(file)]
     # A file that was compressed may still lie beside its compressed form.
     plain = {file.name for file in found}

@@ -81,7 +81,7 @@ class BagWriter(Closing):
             self._file = path / f"{path.name}_0.mcap"
             self._stream = self._file.open("xb")
         except OSError as error:
-            raise RecordingError(f"cannot begin a recording in {path}: {error}; choose another --out") from None
+            raise RecordingError(f"cannot start a recording in {path}: {error}; choose another --out") from None
         self._writer: Any = Writer(self._stream, chunk_size=_CHUNK, compression=_KINDS[compression])
         try:
             with self._ending_the_bag():
@@ -186,8 +186,8 @@ class BagWriter(Closing):
                 os.truncate(self._file, self._sound)
             self._fresh_metadata.unlink(missing_ok=True)
             raise RecordingError(
-                f"cannot write to {self.path}: {error.strerror}; make room on the disk. What was recorded before can "
-                "be read, and `hd-deploy recover` makes it a whole bag"
+                f"cannot write to {self.path}: {error.strerror}; make room on the disk. Earlier data is readable, "
+                "and `hd-deploy recover` turns it into a complete bag"
             ) from error
 
     @property

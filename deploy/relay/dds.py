@@ -222,7 +222,7 @@ class DdsNode(Closing):
                 return
             except Exception:
                 # One bad moment must not silence all topics.
-                log.exception("a DDS thread of the relay failed, and goes on")
+                log.exception("a DDS thread of the relay failed, and continues")
 
     def _peers(self, infos: list[Any]) -> list[Peer]:
         from rclpy.qos import DurabilityPolicy, ReliabilityPolicy

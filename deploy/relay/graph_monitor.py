@@ -58,7 +58,7 @@ class GraphMonitor:
                 for peer in publishers
             ]
         if route.needed and not publishers and not messages and age > _PATIENCE:
-            found.append(f"nobody in DDS publishes {route.topic} ({route.kind}), which the bridge needs")
+            found.append(f"no publisher in DDS for {route.topic} ({route.kind}), which the bridge needs")
         return [problem for problem in found if problem]
 
     def _of_type(self, route: Route, peer: Peer) -> str:

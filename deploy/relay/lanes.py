@@ -96,12 +96,12 @@ class ToBridge(Lane):
         if "DURABILITY" in policies and self._qos.transient_local and len(self._subscriptions) == 1:
             log.warning(
                 "%s: a publisher does not keep its last message (it is volatile, not transient local): what it sent "
-                "before the relay was there is lost",
+                "before the relay started is lost",
                 self.route.topic,
             )
             self._subscriptions.append(self._subscribe(latched=False))
         for policy in policies - {"RELIABILITY", "DURABILITY"}:
-            log.warning("%s: a publisher cannot be heard, because of its %s", self.route.topic, policy)
+            log.warning("%s: messages of a publisher cannot be received, because of its %s", self.route.topic, policy)
 
     def _subscribe(self, latched: bool) -> Any:
         qos = replace(self._qos, transient_local=latched)
@@ -165,7 +165,7 @@ class ToRobot(Lane):
 
     def _mismatch(self, policy: str) -> None:
         log.warning(
-            "%s: a subscription hears nothing, because it asks for more %s than is offered (%s)",
+            "%s: a subscription receives nothing, because it requests more %s than is offered (%s)",
             self.route.topic,
             policy.lower(),
             "transient local" if self.route.qos.transient_local else "volatile",

@@ -122,7 +122,7 @@ def _class_of(kind: str, support: _TypeSupport) -> type:
     # rclpy looks for these in the class of the class, and asks of the others only whether they are there.
     names = ("_TYPE_SUPPORT", "_CREATE_ROS_MESSAGE", "_CONVERT_FROM_PY", "_CONVERT_TO_PY", "_DESTROY_ROS_MESSAGE")
     meta = type("MadeType", (type,), dict.fromkeys(names, capsule))
-    made: type = meta(kind.rsplit("/", 1)[1], (), {"__doc__": f"{kind}, made from its definition."})
+    made: type = meta(kind.rsplit("/", 1)[1], (), {"__doc__": f"{kind}, created from its definition."})
     return made
 
 

@@ -53,7 +53,7 @@ def as_router(config: DeployConfig) -> DeployConfig:
     if elsewhere or not ros.connect:
         raise ConfigError(
             "the relay is the router of the robot's Zenoh network, and ros.connect names "
-            f"{', '.join(elsewhere) or 'nothing'}: give the endpoint to listen on by --listen, or that of a router "
-            "that is there by --connect"
+            f"{', '.join(elsewhere) or 'nothing'}: give the endpoint to listen on with --listen, or that of an "
+            "existing router with --connect"
         )
     return config.model_copy(update={"ros": ros.model_copy(update={"listen": ros.connect, "connect": ()})})

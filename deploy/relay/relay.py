@@ -114,7 +114,7 @@ class Relay(Closing):
         silent = [lane.route.topic for lane in self._to_bridge if lane.route.needed and not lane.messages]
         sent, lost = sum(each["messages"] for each in outwards.values()), status["lost"]
         line = f"to the bridge: {inwards or 'nothing'}; to the robot: {sent} on {len(outwards)} topics; lost {lost}"
-        return f"{line}; nothing came from {', '.join(silent)}" if silent else line
+        return f"{line}; no message from {', '.join(silent)}" if silent else line
 
     def status(self) -> dict[str, Any]:
         """Return all counters, ready for JSON."""
@@ -181,8 +181,8 @@ class Relay(Closing):
         while time.monotonic() < until:
             if self._dds.namesakes():
                 raise RosError(
-                    f"a node {self._dds.full_name} is in DDS domain {domain} already, another relay or bridge: stop "
-                    "it, or give this robot a namespace or a node name of its own (ros.namespace, ros.node)"
+                    f"DDS domain {domain} already has a node {self._dds.full_name}, another relay or bridge: stop "
+                    "it, or give this robot another namespace or node name (ros.namespace, ros.node)"
                 )
             time.sleep(0.05)
 
@@ -194,8 +194,8 @@ class Relay(Closing):
         except BusError:
             return
         raise RosError(
-            f"a relay of robot {self._config.name!r} is at work on this Zenoh network already: stop it, or give this "
-            "one a name of its own, by --name or ros.namespace"
+            f"a relay for robot {self._config.name!r} is already running on this Zenoh network: stop it, or give "
+            "this one another name with --name or ros.namespace"
         )
 
 

@@ -56,8 +56,8 @@ def routes_of(config: DeployConfig) -> list[Route]:
         other = by_topic.setdefault(route.topic, route)
         if other.direction is not route.direction:
             raise RosError(
-                f"{route.topic} would go both ways, and the bridge would hear itself: two parameters of `topics` have "
-                "this name, one that it hears and one that it speaks on; rename one of them"
+                f"{route.topic} would be relayed in both directions, and the bridge would receive its own messages: "
+                "two parameters of `topics`, an input and an output, have this name; rename one of them"
             )
         if other.kind != route.kind:
             raise RosError(f"{route.topic} has two types, {other.kind} and {route.kind}: rename one of the topics")

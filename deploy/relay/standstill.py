@@ -97,7 +97,7 @@ class Standstill:
             if back:
                 self._began = None
         if back:
-            log.warning("the watchdog is heard again")
+            log.warning("the watchdog reports again")
             if self._stop is not None:
                 self._stop(self._last_stop)
 
@@ -129,9 +129,9 @@ class Standstill:
         limit = self._safety.bridge_timeout
         if self._clear and not self._lost_watchdog and now - self._heard_watchdog > WATCHDOG_SILENT:
             self._lost_watchdog = True
-            self._begin(now, f"nothing was heard of the watchdog for {WATCHDOG_SILENT:g} s")
+            self._begin(now, f"no report from the watchdog for {WATCHDOG_SILENT:g} s")
         elif self._moving and self._began is None and now - self._heard_velocity > limit:
-            self._begin(now, f"no velocity came for {limit:g} s after one that moves the robot")
+            self._begin(now, f"no velocity for {limit:g} s after one that moves the robot")
 
     def _begin(self, now: float, why: str) -> None:
         self._began = now

@@ -95,7 +95,7 @@ def robot(
     sensor_latency: Annotated[float, typer.Option(help="Delay of sensor messages, s.")] = 0.0,
     command_latency: Annotated[float, typer.Option(help="Delay of commands, s.")] = 0.0,
     command_timeout: Annotated[
-        float, typer.Option(help="The base stops without velocities for so long, s.")
+        float, typer.Option(help="The base stops after this time without velocities, s.")
     ] = DEFAULTS.command_timeout,
     follow: Annotated[
         bool | None,
@@ -213,7 +213,7 @@ def placed(world: str, start: Position | None, target: Position | None) -> str:
 
 
 def suited_settings(world: str) -> list[str]:
-    """Return what a world's set says of the mapping, as overrides for robot and bridge.
+    """Return the mapping settings recommended for a world, as overrides for robot and bridge.
 
     How much room the robot needs is a matter of the robot, and not of its world.
     """

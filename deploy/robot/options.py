@@ -26,9 +26,9 @@ class RobotOptions(Section):
     speed_factor: Annotated[float, Field(gt=0.0, le=100.0)] = 1.0
     """How much faster than real time the robot lives; below 1 in slow motion."""
     max_speed: Positive = 2.0
-    """What the base can do, m/s."""
+    """Maximum speed of the base, m/s."""
     max_turn_rate: Positive = 3.0
-    """What the base can do, rad/s."""
+    """Maximum turn rate of the base, rad/s."""
     acceleration: Positive = 2.0
     """m/s2."""
     deceleration: Positive = 4.0
@@ -36,7 +36,7 @@ class RobotOptions(Section):
     turn_acceleration: Positive = 9.0
     """rad/s2."""
     command_timeout: Positive = 0.5
-    """The base stops when no velocity came for so long, as real bases do: seconds on the wall's clock, or the robot's
+    """The base stops this long after the last velocity, as real bases do: seconds of wall-clock time, or of the robot's
     in slow motion."""
     rays: Annotated[int, Field(ge=16, le=7200)] = 720
     """Beams of the lidar per turn."""
@@ -53,9 +53,9 @@ class RobotOptions(Section):
     odometry_drift: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
     """Error of the odometry: metres per metre, and radians per square root of a metre."""
     sensor_latency: NonNegative = 0.0
-    """Messages of sensors come so much later than they are stamped, seconds of the robot."""
+    """Delay between the stamp of a sensor message and its arrival, seconds of the robot."""
     command_latency: NonNegative = 0.0
-    """Commands have their effect so much later than they came, seconds of the robot."""
+    """Delay between the arrival of a command and its effect, seconds of the robot."""
     follow: bool | None = None
     """Drive to waypoints itself, as the CMU stack and nav2 do; when not given, where the bridge does not drive."""
 

@@ -161,7 +161,7 @@ class Trial:
                 time.sleep(0.02)
             truth, status = deployment.truth(), deployment.status()
             if truth is None or status is None:
-                raise DeploymentError("stopped before the robot and the bridge were there")
+                raise DeploymentError("stopped before the robot and the bridge were ready")
             return self._judge(truth, status, began)
 
     @property

@@ -160,7 +160,7 @@ class ActionServer(Closing):
     def _get_result(self, request: Message) -> Message:
         goal = self._goals.get(bytes(request.goal_id.uuid))
         if goal is None:
-            raise RosError("there is no goal of this id")
+            raise RosError("no goal with this id")
         goal.ended.wait()
         return message(f"{self._kind}_GetResult_Response", self._distro, status=int(goal.state), result=goal.result)
 

@@ -12,6 +12,7 @@ from typing import Any
 import zenoh
 import zenoh.ext
 
+from common.bus.session import reason
 from common.system.closing import Closing
 from deploy.ros2.dispatch import Dispatcher, Inbox
 from deploy.ros2.errors import RosError
@@ -110,7 +111,7 @@ class Publisher(Closing):
             try:
                 self._publisher.put(payload, attachment=attachment)
             except zenoh.ZError as error:
-                raise RosError(f"cannot publish on {self.topic}: {error}; is the node closed?") from None
+                raise RosError(f"cannot publish on {self.topic}: {reason(error)}; is the node closed?") from None
 
     def close(self) -> None:
         """Withdraw the publisher; late subscribers get its latched messages no more."""

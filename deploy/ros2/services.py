@@ -139,4 +139,4 @@ class Client:
             if reply.err is not None:
                 why = reply.err.payload.to_bytes()[:500].decode(errors="replace")
                 raise RosError(f"service {self.name} refuses the request: {why}")
-        raise RosError(f"service {self.name} did not answer within {timeout:g} s: is its node there?")
+        raise RosError(f"service {self.name} did not answer within {timeout:g} s: check that its node is running")

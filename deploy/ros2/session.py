@@ -9,6 +9,7 @@ from typing import Any
 import zenoh
 
 from common.bus.endpoint import is_loopback
+from common.bus.session import reason
 from common.bus.tls import access_settings, tls_settings
 from deploy.network_config import RosConfig
 from deploy.ros2.errors import RosError
@@ -99,7 +100,7 @@ def _open(config: RosConfig, mode: str, listen: tuple[str, ...], timeout: int) -
     open_to = [endpoint for endpoint in listen if not is_loopback(endpoint)]
     if open_to and config.tls_ca is None:
         log.warning(
-            "listening on %s without TLS: everybody who reaches this address can command the robot and send it "
+            "listening on %s without TLS: anyone who can reach this address can command the robot and send it "
             "velocities; set ros.tls_ca, ros.tls_certificate and ros.tls_key, or listen on 127.0.0.1",
             ", ".join(open_to),
         )
@@ -107,7 +108,9 @@ def _open(config: RosConfig, mode: str, listen: tuple[str, ...], timeout: int) -
         return zenoh.open(zenoh.Config.from_json5(json.dumps(settings)))
     except zenoh.ZError as error:
         endpoints = ", ".join(listen or config.connect)
-        raise RosError(f"cannot join Zenoh at {endpoints}: {error}; correct ros.listen or ros.connect") from None
+        raise RosError(
+            f"cannot join Zenoh at {endpoints}: {reason(error)}; correct ros.listen or ros.connect"
+        ) from None
 
 
 def _secured(endpoint: str, config: RosConfig) -> str:

@@ -182,8 +182,8 @@ class VelocityGate(Closing):
         while not self._state.alive:
             if time.monotonic() > deadline:
                 raise SafetyError(
-                    f"the watchdog process did not start within {_START_TIMEOUT:g} s: see its log lines, and whether "
-                    f"the robot's router is there ({', '.join(self._config.ros.connect)})"
+                    f"the watchdog process did not start within {_START_TIMEOUT:g} s: check its log lines and that "
+                    f"the robot's router is running ({', '.join(self._config.ros.connect)})"
                 )
             self._send("beat")
             self._channel.wait(0.05)

@@ -143,7 +143,7 @@ class HealthMonitor:
         config = self._config
         last = self._map_time
         if last is None:
-            faults.append(Fault(FaultKind.MAP_STALE, "no new map data has come yet"))
+            faults.append(Fault(FaultKind.MAP_STALE, "no map data received yet"))
         elif now - last > config.scan_timeout and not self._latched:
             faults.append(_stale(FaultKind.MAP_STALE, "no new map data", now - last, config.scan_timeout))
         if self._clock is not None and now - self._clock[0] <= config.pose_timeout:
@@ -169,7 +169,7 @@ class HealthMonitor:
         if found is Order.SET_BACK and newest is not None:
             self._clock = (
                 now,
-                f"the robot's clock was set back by {newest - stamp:.2f} s or more: everything begins anew",
+                f"the robot's clock was set back by {newest - stamp:.2f} s or more: earlier data is discarded",
             )
         return found in {Order.AHEAD, Order.SET_BACK}
 
@@ -177,7 +177,7 @@ class HealthMonitor:
         timeout, last, arrived = self._config.scan_timeout, self._sensor_time, self._sensor_arrived
         unsound = self._unsound
         if arrived is None:
-            return [Fault(FaultKind.SENSOR_STALE, f"no {self._sensor} has come yet")]
+            return [Fault(FaultKind.SENSOR_STALE, f"no {self._sensor} received yet")]
         if self._latched:
             return []
         if now - arrived > timeout:
@@ -190,7 +190,7 @@ class HealthMonitor:
         return [
             Fault(
                 FaultKind.SENSOR_FROZEN,
-                f"messages of {self._sensor} come, but their stamp has not advanced beyond "
+                f"messages of {self._sensor} arrive, but their stamp has not advanced beyond "
                 f"{self._sensor_order.newest} s for {timeout:g} s",
             )
         ]
@@ -198,7 +198,7 @@ class HealthMonitor:
     def _pose_faults(self, now: float) -> list[Fault]:
         timeout = self._config.pose_timeout
         if self._pose is None:
-            return [Fault(FaultKind.POSE_STALE, "no pose has come yet")]
+            return [Fault(FaultKind.POSE_STALE, "no pose received yet")]
         last, arrived = self._pose[0], self._pose_arrived
         if arrived is None or now - arrived > timeout:
             return [_stale(FaultKind.POSE_STALE, "no pose", now - last, timeout)]
@@ -207,7 +207,7 @@ class HealthMonitor:
             return [
                 Fault(
                     FaultKind.POSE_FROZEN,
-                    f"poses come, but their stamp has not advanced beyond {stamp} s for {timeout:g} s",
+                    f"poses arrive, but their stamp has not advanced beyond {stamp} s for {timeout:g} s",
                 )
             ]
         stands = self._motion.fault(now)

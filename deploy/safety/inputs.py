@@ -111,7 +111,7 @@ class WatchdogInputs:
 
     def _heard_emergency_stop(self, stop: Message, received: Received) -> None:
         if stop.data:
-            log.debug("emergency stop heard %.3f s ago", time.monotonic() - received.time)
+            log.debug("emergency stop received %.3f s ago", time.monotonic() - received.time)
             self._rules.latch(self._config.topics.emergency_stop)
             self._wake()
 

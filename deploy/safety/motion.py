@@ -67,7 +67,7 @@ class MotionWatch:
     def __init__(self) -> None:
         """Know neither pose nor velocity."""
         self._lock = threading.Lock()
-        self._sources = {"the robot was told to move": _DeadReckoning(), "its wheels turn": _DeadReckoning()}
+        self._sources = {"the robot was commanded to move": _DeadReckoning(), "its wheels turn": _DeadReckoning()}
         self._commanded, self._measured = self._sources.values()
         self._anchor: tuple[float, float, Pose] | None = None
         self._poses = 0
@@ -117,8 +117,8 @@ class MotionWatch:
                 way, turn = source.expected(pace)
                 if way >= _EXPECTED[0] or turn >= _EXPECTED[1]:
                     reason = (
-                        f"the pose stands still while {what}: {way:.2f} m and {turn:.2f} rad were to be seen, "
-                        f"{shown[0]:.2f} m and {shown[1]:.2f} rad were"
+                        f"the pose does not change while {what}: expected {way:.2f} m and {turn:.2f} rad, got "
+                        f"{shown[0]:.2f} m and {shown[1]:.2f} rad"
                     )
                     self._fault = now, reason
                     return

@@ -170,7 +170,7 @@ class GateRules:
             (GateMode.POSE_STALE, "pose", self.pose_time, config.pose_timeout),
         ):
             if last is None:
-                return mode, f"no {what} has come yet"
+                return mode, f"no {what} received yet"
             # A map comes when it changes, perhaps only once.
             if now - last > limit and not (self._latched and mode is GateMode.SENSOR_STALE):
                 return mode, f"no {what} for {limit:g} s"

@@ -70,7 +70,7 @@ class Sight:
         """
         count = int(message.height * message.width)
         if len(points) < max(_FEWEST_POINTS, self._config.min_beams * count):
-            return Fault(FaultKind.SENSOR_BLIND, f"{len(points)} of {count} points of the cloud tell anything")
+            return Fault(FaultKind.SENSOR_BLIND, f"{len(points)} of {count} points of the cloud are usable")
         if (points == points[0]).all():
             return Fault(FaultKind.SENSOR_BLIND, f"all {len(points)} points of the cloud are one")
         return self._frozen(points, True, pose, now)
@@ -85,7 +85,7 @@ class Sight:
             return None
         return Fault(
             FaultKind.SENSOR_BLIND,
-            f"{told} of {self._beams} beams of the scan tell anything, safety.min_beams wants "
+            f"{told} of {self._beams} beams of the scan are usable, safety.min_beams requires "
             f"{self._config.min_beams:.0%}: the others are NaN, missing, or nearer than "
             f"{max(scan.range_min, self._range_min):g} m",
         )

@@ -95,7 +95,7 @@ class Watchdog(Closing):
 
     def _told_to_end(self, number: signal.Signals) -> None:
         """Take a signal for the bridge's death: the service is being stopped."""
-        self._rules.bridge_died(time.monotonic(), f"the watchdog was told to end by {number.name}")
+        self._rules.bridge_died(time.monotonic(), f"the watchdog was asked to end by {number.name}")
         self._wake()
 
     def close(self) -> None:

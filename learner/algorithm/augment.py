@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from common.observations.observation import ObservationBatch
 from learner.algorithm.batch import TransitionBatch
+from learner.algorithm.whole import drawn
 
 SYMMETRIES = 8
 
@@ -45,8 +46,8 @@ def augment(
     batch: TransitionBatch, rng: np.random.Generator, marks: NDArray[np.bool_] | None = None
 ) -> TransitionBatch:
     """Draw one symmetry for each transition and apply it to both observations; only where ``marks`` says, if given."""
-    drawn = rng.integers(SYMMETRIES, size=len(batch))
-    return transform_transitions(batch, drawn if marks is None else np.where(marks, drawn, 0))
+    symmetries = drawn(lambda size: rng.integers(SYMMETRIES, size=size), len(batch))
+    return transform_transitions(batch, symmetries if marks is None else np.where(marks, symmetries, 0))
 
 
 def transform_transitions(batch: TransitionBatch, symmetries: NDArray[np.int64]) -> TransitionBatch:

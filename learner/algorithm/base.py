@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from common.errors import HDError
 from learner.algorithm.batch import TransitionBatch
 
 PolicyArrays = dict[str, NDArray[Any]]
@@ -28,6 +29,10 @@ class NotFiniteError(Exception):
         super().__init__(f"{', '.join(figures)} not finite")
         self.figures = tuple(figures)
         self.culprits = culprits
+
+
+class RanksError(HDError):
+    """Another of the processes that share each batch is lost, or answers no more."""
 
 
 class Algorithm(Protocol):

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import torch
 from torch import Tensor
 
 from common.config import CloningConfig
@@ -15,6 +14,7 @@ from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyOutput
 from common.network.segment import segment_log_softmax, segment_sum
 from learner.algorithm.losses import entropies, log_marginal
+from learner.algorithm.whole import mean
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,20 +67,16 @@ def cloning_loss(output: PolicyOutput, guidance: Guidance, batch: GraphBatch, co
     has_beacon = own & (guidance.beacon >= 0)
     log_wanted = output.log_beacon.index_select(0, guidance.beacon.clamp(min=0))
     parts = (
-        _mean(expected, own),
-        _mean(cross, own),
-        _mean(-log_wanted, has_beacon),
-        _mean(following, guidance.follows),
+        mean(expected, own),
+        mean(cross, own),
+        mean(-log_wanted, has_beacon),
+        mean(following, guidance.follows),
     )
-    share = own.sum() / guidance.labelled.sum().clamp(min=1)
-    entropy = _mean(beacon_entropy + waypoint_entropy, guidance.labelled)
+    share = mean(own.float(), guidance.labelled)
+    entropy = mean(beacon_entropy + waypoint_entropy, guidance.labelled)
     total = (
         share * (parts[0] + config.cross_entropy_weight * parts[1] + config.beacon_weight * parts[2])
         + (1.0 - share) * parts[3]
         - config.entropy_bonus * entropy
     )
     return CloningLoss(total, *parts)
-
-
-def _mean(values: Tensor, counts: Tensor) -> Tensor:
-    return torch.where(counts, values, torch.zeros_like(values)).sum() / counts.sum().clamp(min=1)

@@ -13,6 +13,7 @@ from torch.nn import functional
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyOutput
 from common.network.segment import segment_argmax, segment_logsumexp, segment_sum
+from learner.algorithm.whole import mean
 
 _LARGEST_LOG_RATIO = 5.0
 
@@ -68,18 +69,16 @@ def critic_loss(q: Tensor, target: Tensor, huber_delta: float | None) -> Tensor:
         huber_delta: errors above it count linearly, with the same slope there as delta · |error| (the Huber loss,
             ½ e² near zero); None for the square.
     """
-    if q.numel() == 0:
-        return q.sum()
     if huber_delta is None:
-        return functional.mse_loss(q, target)
-    return functional.huber_loss(q, target, delta=huber_delta)
+        return mean((q - target).square())
+    return mean(functional.huber_loss(q, target, reduction="none", delta=huber_delta))
 
 
 def policy_loss(
     output: PolicyOutput, q: Tensor, alpha_beacon: Tensor, alpha_waypoint: Tensor, batch: GraphBatch
 ) -> Tensor:
     """J = mean over o of Σ_b π_b Σ_a π_a [α_b log π_b + α_a log π_a − min_i Q_i]; arguments as in `soft_value`."""
-    return -soft_value(output, q, alpha_beacon, alpha_waypoint, batch).mean()
+    return -mean(soft_value(output, q, alpha_beacon, alpha_waypoint, batch))
 
 
 def clipped_surrogate(log_ratio: Tensor, advantage: Tensor, clip: float) -> Tensor:
@@ -92,7 +91,7 @@ def clipped_surrogate(log_ratio: Tensor, advantage: Tensor, clip: float) -> Tens
     """
     # A waypoint that has become e^5 times as likely is no longer the one that was judged: its gradient ends there.
     ratio = log_ratio.clamp(-_LARGEST_LOG_RATIO, _LARGEST_LOG_RATIO).exp()
-    return -torch.minimum(ratio * advantage, ratio.clamp(1.0 - clip, 1.0 + clip) * advantage).mean()
+    return -mean(torch.minimum(ratio * advantage, ratio.clamp(1.0 - clip, 1.0 + clip) * advantage))
 
 
 def entropies(output: PolicyOutput, batch: GraphBatch) -> tuple[Tensor, Tensor]:
@@ -117,10 +116,8 @@ def temperature_loss(log_alpha: Tensor, entropy: Tensor, choices: Tensor, fracti
         choices: number of valid choices of every observation, shape (k,).
         fraction: share of the largest possible entropy that is aimed at.
     """
-    free = (choices > 1).float()
     goal = fraction * choices.clamp(min=1).float().log()
-    gap = ((entropy.detach() - goal) * free).sum() / free.sum().clamp(min=1.0)
-    return log_alpha.exp() * gap
+    return mean(log_alpha.exp() * (entropy.detach() - goal), choices > 1)
 
 
 def triplets(
@@ -166,13 +163,13 @@ def triplet_loss(
         margin: m.
     """
     if features.shape[0] == 0:
-        return features.sum()
+        return mean(features.sum(1), valid[:0])
     unit = functional.normalize(features.float(), dim=1)
     here = unit.index_select(0, anchor)
     near = _distance(here, unit.index_select(0, positive))
     far = _distance(here, unit.index_select(0, negative))
     hinge = functional.relu(near - far + margin)
-    return (hinge * valid).sum() / valid.sum().clamp(min=1)
+    return mean(hinge, valid)
 
 
 def _distance(a: Tensor, b: Tensor) -> Tensor:

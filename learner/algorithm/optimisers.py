@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from common.config import AdamConfig
 from common.errors import CheckpointError
+from learner.algorithm.whole import sum_gradients
 
 
 def scheduled_rate(peak: float, update: int, total_updates: int, config: AdamConfig) -> float:
@@ -53,6 +54,7 @@ class Optimiser:
         self._adam.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
         values = self._parameters.values()
+        sum_gradients(values)
         if self._clip_norm is None:
             norm = nn.utils.get_total_norm([value.grad for value in values if value.grad is not None])
         else:

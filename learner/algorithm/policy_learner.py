@@ -21,7 +21,7 @@ from common.network.policy_network import PolicyNetwork, PolicyOutput
 from common.network.segment import segment_sum
 from common.network.state import load_arrays, to_arrays
 from learner.algorithm.augment import augment
-from learner.algorithm.base import NotFiniteError
+from learner.algorithm.base import NotFiniteError, RanksError
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.cloning import cloning_loss
 from learner.algorithm.device import wants_bf16
@@ -29,6 +29,7 @@ from learner.algorithm.losses import entropies, triplet_loss, triplets, waypoint
 from learner.algorithm.optimisers import Optimiser, blend, scheduled_rate
 from learner.algorithm.sample import Sample
 from learner.algorithm.teachers import Teachers
+from learner.algorithm.whole import Ranks, drawn, mean, sharing
 
 
 class PolicyLearner(ABC):
@@ -50,12 +51,14 @@ class PolicyLearner(ABC):
 
     Attributes:
         updates: updates done.
+        ranks: learner processes that share each batch with this one; None when it has all of it.
     """
 
     def __init__(self, config: RunConfig, device: torch.device, clip_norm: float) -> None:
         self.config = config
         self.device = device
         self.updates = 0
+        self.ranks: Ranks | None = None
         self.policy = PolicyNetwork(config.network).to(device)
         self.average = deepcopy(self.policy).requires_grad_(False)
         self._optimisers = {"policy": Optimiser(self.policy, clip_norm)}
@@ -91,19 +94,36 @@ class PolicyLearner(ABC):
     def update(self, batch: TransitionBatch) -> dict[str, float]:
         """Learn from one batch; return the update's metrics by their TensorBoard names.
 
-        All losses and gradients come first, so that nothing changes before all of them are known to be finite.
-
         Raises:
             ValueError: a chosen node is no beacon or waypoint of its observation, or the batch lacks labels.
             NotFiniteError: a figure or a gradient is not finite.
         """
-        if self.config.learner.augment:
-            batch = self._augmented(batch)
-        buffers = self._buffers()
-        figures = self._figures(batch)
-        if bad := _not_finite(figures):
+        figures = self.step(batch)
+        if bad := not_finite(figures):
+            raise NotFiniteError(bad, self.culprits(batch))
+        return figures
+
+    def step(self, batch: TransitionBatch) -> dict[str, float]:
+        """Learn from one batch, or from this rank's part of it; return the metrics, those of the whole batch.
+
+        All losses and gradients come first. When one of them is not finite, or another rank is lost on the way, nothing
+        changes.
+
+        Raises:
+            RanksError: another rank is lost.
+            ValueError: as `update`.
+        """
+        buffers, random = self._buffers(), self._rng.bit_generator.state
+        try:
+            with sharing(self.ranks):
+                figures = self._figures(self._augmented(batch) if self.config.learner.augment else batch)
+        except RanksError:
             self._give_up(buffers)
-            raise NotFiniteError(bad, self._culprits(batch))
+            self._rng.bit_generator.state = random
+            raise
+        if not_finite(figures):
+            self._give_up(buffers)
+            return figures
         moved = self._optimisers["policy"].norm is not None
         for optimiser in self._optimisers.values():
             optimiser.apply()
@@ -200,12 +220,12 @@ class PolicyLearner(ABC):
         metrics["gradient/policy"] = self._optimisers["policy"].prepare(loss, rate)
         with torch.no_grad():
             of_beacon, of_waypoint = entropies(output, batch)
-        metrics["entropy/beacon"], metrics["entropy/waypoint"] = of_beacon.mean(), of_waypoint.mean()
+        metrics["entropy/beacon"], metrics["entropy/waypoint"] = mean(of_beacon), mean(of_waypoint)
 
     def _contrast(self, batch: GraphBatch, output: PolicyOutput, q: Tensor) -> Tensor:
         """Contrastive joint optimisation (Algorithm 2) with the values q of all pairs as the judge."""
         config = self.config.contrastive
-        chance = torch.from_numpy(self._rng.random(len(batch.waypoint_rows), dtype=np.float32)).to(self.device)
+        chance = self._chance(len(batch.waypoint_rows))
         with torch.no_grad():
             ones = torch.ones_like(q)
             probability = waypoint_marginal(output.log_waypoint.exp(), output, batch)
@@ -214,7 +234,7 @@ class PolicyLearner(ABC):
             chosen = triplets(probability, value, chance, batch.waypoint_graph, len(batch))
         loss = triplet_loss(output.waypoint_features, *chosen, config.margin)
         if config.beacons and output.beacon_features is not None:
-            chance = torch.from_numpy(self._rng.random(len(batch.beacon_rows), dtype=np.float32)).to(self.device)
+            chance = self._chance(len(batch.beacon_rows))
             with torch.no_grad():
                 worth = segment_sum(output.log_waypoint.exp() * q, batch.pair_beacon, len(batch.beacon_rows))
                 chosen = triplets(output.log_beacon, worth, chance, batch.beacon_graph, len(batch))
@@ -243,7 +263,7 @@ class PolicyLearner(ABC):
         for buffer, before in buffers:
             buffer.copy_(before)
 
-    def _culprits(self, batch: TransitionBatch) -> NDArray[np.int64]:
+    def culprits(self, batch: TransitionBatch) -> NDArray[np.int64]:
         """Return the rows that are not finite by themselves, found by halving; none when most of them are."""
         most = max(len(batch) // 2, 1)
         random, buffers = self._rng.bit_generator.state, self._buffers()
@@ -253,7 +273,7 @@ class PolicyLearner(ABC):
             rows = waiting.pop()
             chosen = np.zeros(len(batch), dtype=np.bool_)
             chosen[rows] = True
-            sound = not _not_finite(self._figures(batch.select(chosen)))
+            sound = not not_finite(self._figures(batch.select(chosen)))
             self._give_up(buffers)
             if not sound and len(rows) > 1:
                 waiting += np.array_split(rows, 2)
@@ -261,6 +281,11 @@ class PolicyLearner(ABC):
                 found.append(int(rows[0]))
         self._rng.bit_generator.state = random
         return np.array(sorted(found) if len(found) <= most else [], dtype=np.int64)
+
+    def _chance(self, own: int) -> Tensor:
+        """Draw a number in [0, 1) for each of so many items, float32."""
+        chance = drawn(lambda size: self._rng.random(size, dtype=np.float32), own)
+        return torch.from_numpy(chance).to(self.device)
 
     def _rate(self, peak: float) -> float:
         return scheduled_rate(peak, self.updates, self.config.learner.total_updates, self.config.adam)
@@ -277,7 +302,8 @@ def seeded(seed: int) -> Iterator[None]:
         yield
 
 
-def _not_finite(figures: dict[str, float]) -> list[str]:
+def not_finite(figures: dict[str, float]) -> list[str]:
+    """Return the names of the figures that are not finite."""
     return [name for name, value in figures.items() if not math.isfinite(value)]
 
 

@@ -21,6 +21,7 @@ from learner.algorithm.policy_learner import PolicyLearner, seeded
 from learner.algorithm.returns import Returns
 from learner.algorithm.sample import Sample, largest_told, told_rewards
 from learner.algorithm.value import FamilyScales, ValueNetwork
+from learner.algorithm.whole import mean, whole_count
 
 
 class PpoLearner(PolicyLearner):
@@ -74,13 +75,14 @@ class PpoLearner(PolicyLearner):
         with torch.no_grad():
             goal = returns.rewards + returns.discounts * self.value(returns.after)
             advantage = goal - value
-        if len(returns):
+        if whole_count(len(returns)):
             loss = critic_loss(value, goal, self.config.ppo.huber_delta)
             metrics["gradient/value"] = self._optimisers["value"].prepare(loss, self.config.ppo.value)
             metrics["loss/value"] = loss
-            metrics["value/v"] = value.mean()
-            metrics["value/target"] = goal.mean()
-            metrics["value/explained"] = 1.0 - advantage.square().mean() / goal.var(correction=0).clamp(min=1e-6)
+            metrics["value/v"] = mean(value)
+            metrics["value/target"] = mean(goal)
+            variance = mean((goal - metrics["value/target"]).square())
+            metrics["value/explained"] = 1.0 - mean(advantage.square()) / variance.clamp(min=1e-6)
         return advantage
 
     def _update_policy(self, sample: Sample, returns: Returns, advantage: Tensor, metrics: dict[str, Tensor]) -> None:
@@ -97,16 +99,16 @@ class PpoLearner(PolicyLearner):
         log_waypoint = log_marginal(output, batch)
         expected = segment_sum(log_waypoint.exp() * detour, batch.waypoint_graph, len(batch))[returns.rows]
         rest, size = self._rest(returns, advantage + detour[returns.slot] - expected.detach(), metrics)
-        if len(returns):
+        if whole_count(len(returns)):
             log_ratio = log_waypoint[returns.slot] - returns.probability.log()
             surrogate = clipped_surrogate(log_ratio, rest / size, config.ppo.clip)
-            exact = (expected / size).mean()
+            exact = mean(expected / size)
             loss = loss + exact + surrogate
             metrics["loss/exact"] = exact
             ratio = log_ratio.detach().exp()
             metrics["loss/surrogate"] = surrogate
-            metrics["policy/clipped"] = ((ratio - 1.0).abs() > config.ppo.clip).float().mean()
-            metrics["policy/divergence"] = (ratio - 1.0 - log_ratio.detach()).mean()
+            metrics["policy/clipped"] = mean(((ratio - 1.0).abs() > config.ppo.clip).float())
+            metrics["policy/divergence"] = mean(ratio - 1.0 - log_ratio.detach())
         if config.contrastive_weight > 0.0:
             contrast = self._contrast(batch, output, self._judge(detour, returns, rest)[batch.pair_waypoint])
             metrics["loss/contrastive"] = contrast
@@ -122,11 +124,11 @@ class PpoLearner(PolicyLearner):
         # A state that the expert calls a dead end moves its potential by a kilometre: bounded as its detours are.
         bound = largest_told(self.config)
         rest = rest.clamp(-bound, bound)
-        self.scales.add(rest, returns.family)
+        count = self.scales.add(rest, returns.family)
         usual, size = self.scales.usual()
-        if len(returns):
-            metrics["advantage/rest"] = rest.mean()
-            for family in sorted(set(returns.family.tolist())):
+        if whole_count(len(returns)):
+            metrics["advantage/rest"] = mean(rest)
+            for family in count.nonzero()[:, 0].tolist():
                 metrics[f"advantage/size_{family}"] = size[family]
         unit = size[returns.family]
         most = self.config.ppo.max_advantage * unit

@@ -23,6 +23,7 @@ from learner.algorithm.losses import (
 from learner.algorithm.optimisers import Optimiser, blend
 from learner.algorithm.policy_learner import PolicyLearner, seeded
 from learner.algorithm.sample import Sample
+from learner.algorithm.whole import mean, whole_count
 
 
 class Temperatures(nn.Module):
@@ -87,9 +88,9 @@ class SacLearner(PolicyLearner):
         loss = critic_loss(first[chosen], goal, sac.huber_delta) + critic_loss(second[chosen], goal, sac.huber_delta)
         metrics["gradient/critic"] = self._optimisers["critic"].prepare(loss, self._rate(self.config.adam.critic))
         metrics["loss/critic"] = loss
-        if len(chosen):
-            metrics["value/q"] = first[chosen].mean()
-            metrics["value/target"] = goal.mean()
+        if whole_count(len(chosen)):
+            metrics["value/q"] = mean(first[chosen])
+            metrics["value/target"] = mean(goal)
         return torch.minimum(first.detach(), second.detach())
 
     def _update_policy(self, sample: Sample, q: Tensor, metrics: dict[str, Tensor]) -> PolicyOutput:

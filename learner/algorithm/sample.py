@@ -14,6 +14,7 @@ from common.observations.index import waypoint_counts
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.cloning import Guidance
 from learner.algorithm.teachers import Teachers
+from learner.algorithm.whole import whole_count
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +71,7 @@ class Sample:
         told = told_after = None
         if privileged:
             if batch.labels is None or batch.next_labels is None or not batch.labelled.all():
-                raise ValueError("a privileged critic learns from labelled transitions alone: sample those")
+                raise ValueError("a privileged critic learns only from labelled transitions: sample those")
             # The o' of a time limit has no labels, because nothing was decided there.
             usable = usable & (batch.next_labelled | batch.terminal)
             told = told_rewards(torch.from_numpy(batch.labels.cost), config).to(device)
@@ -84,7 +85,7 @@ class Sample:
                 told_after = told_rewards(torch.from_numpy(cost), config).to(device)
             after = graphs.to(device)
         guidance = None
-        if batch.labels is not None and batch.labelled.any():
+        if batch.labels is not None and whole_count(int(batch.labelled.sum())):
             wanted, follows = teachers.wanted(batch, now.arrays)
             guidance = Guidance(
                 cost=torch.from_numpy(batch.labels.cost).to(device),

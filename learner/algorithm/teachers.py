@@ -8,7 +8,6 @@ beginning for reinforcement learning; and where an earlier policy is good alread
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 import torch
@@ -22,10 +21,6 @@ from common.network.state import load_arrays
 from common.policies.policy_file import read_weights
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.losses import log_marginal
-
-ROUTE_SHARE: Final = 0.85
-"""Probability of the first viewpoint of the reference route; the rest is the expert's, so that there is something to
-learn from."""
 
 
 class Teachers:
@@ -44,6 +39,7 @@ class Teachers:
         self._reference = teachers == "reference"
         self._earlier = teachers == "policy"
         self._scale, self._largest = config.cloning.cost_scale, config.cloning.max_cost
+        self._route_share = config.cloning.route_share
         self._policy: PolicyNetwork | None = None
         if self._earlier.any():
             assert config.learner.initial_policy is not None, "the configuration was checked"
@@ -97,5 +93,5 @@ class Teachers:
         here = follows[owner] & chosen[owner]
         prior = np.exp(-np.minimum(labels.cost / self._scale, self._largest)) * here
         total = np.bincount(owner, prior, len(batch))
-        share = (1.0 - ROUTE_SHARE) * prior / np.maximum(total[owner], 1e-12)
-        wanted[here] = (share + ROUTE_SHARE * is_next)[here]
+        share = (1.0 - self._route_share) * prior / np.maximum(total[owner], 1e-12)
+        wanted[here] = (share + self._route_share * is_next)[here]

@@ -11,6 +11,7 @@ from common.config import RunConfig
 from common.messages.experience import ExpertLabels
 from common.observations.index import waypoint_counts
 from common.observations.observation import ObservationBatch
+from learner.algorithm.whole import whole_sum
 
 VALUE_FEATURES = 16
 _HIDDEN = 64
@@ -108,14 +109,18 @@ class FamilyScales(nn.Module):
         for name in ("weight", "total", "square"):
             self.register_buffer(name, torch.zeros(families))
 
-    def add(self, advantages: Tensor, families: Tensor) -> None:
-        """Take note of new advantages, shape (n,), and of their families, int64, shape (n,)."""
+    def add(self, advantages: Tensor, families: Tensor) -> Tensor:
+        """Take note of new advantages, shape (n,), and of their families, int64, shape (n,).
+
+        Return how many are new in each family, shape (families,).
+        """
         count = self._sums(torch.ones_like(advantages), families)
         kept = (1.0 - self._rate) ** count
         share = (1.0 - kept) / count.clamp(min=1.0)
         self.weight.mul_(kept).add_(1.0 - kept)
         self.total.mul_(kept).add_(share * self._sums(advantages, families))
         self.square.mul_(kept).add_(share * self._sums(advantages.square(), families))
+        return count
 
     def usual(self) -> tuple[Tensor, Tensor]:
         """Return mean and standard deviation of every family, shape (families,); 0 and `LEAST` where none was seen."""
@@ -125,4 +130,4 @@ class FamilyScales(nn.Module):
         return mean, variance.sqrt().clamp(min=self.LEAST)
 
     def _sums(self, values: Tensor, families: Tensor) -> Tensor:
-        return torch.zeros_like(self.weight).index_add_(0, families, values)
+        return whole_sum(torch.zeros_like(self.weight).index_add_(0, families, values))

@@ -112,9 +112,7 @@ class CheckpointStore:
         if which not in self.damaged_pointers():
             return name
         newest = known[-1] if known else None
-        logger.error(
-            "%s is damaged: it names no checkpoint; taking the newest there is, %s", self.folder / which, newest
-        )
+        logger.error("%s is damaged: it names no checkpoint; using the newest one, %s", self.folder / which, newest)
         return newest
 
     def damaged_pointers(self) -> list[str]:
@@ -173,7 +171,7 @@ class CheckpointStore:
             return checkpoint
         if problems:
             raise CheckpointError(f"no checkpoint in {self.folder} is usable: {'; '.join(problems)}")
-        raise CheckpointError(f"there is no checkpoint in {self.folder}: start the run anew with --overwrite")
+        raise CheckpointError(f"there is no checkpoint in {self.folder}: start over with --overwrite")
 
     def damaged(self) -> dict[str, str]:
         """Return what is wrong with each checkpoint, and with each best policy, that cannot be loaded, by its name."""

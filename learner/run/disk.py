@@ -46,7 +46,7 @@ class DiskWatch:
                 return
             self._full = True
             self._probe_at = time.monotonic() + _PROBE_SECONDS
-        logger.error("%s. The learner holds, takes nothing and goes on as soon as there is room", error)
+        logger.error("%s. The learner pauses, accepts nothing, and continues as soon as there is space", error)
 
     def holds(self) -> bool:
         """Whether to wait; looks once a second whether there is room again."""
@@ -57,7 +57,7 @@ class DiskWatch:
             if not self._has_room():
                 return True
             self._full, self._needed = False, _LEAST_ROOM
-        logger.info("there is room on the disk again: going on")
+        logger.info("there is space on the disk again: continuing")
         return False
 
     def _has_room(self) -> bool:

@@ -68,7 +68,7 @@ def _checkpoints(path: Path, repair: bool) -> Iterator[Finding]:
     store = CheckpointStore(path / "checkpoints", keep=2, writer=False)
     damaged = store.damaged()
     sound = [name for name in store.names() if name not in damaged]
-    yield Finding(f"checkpoints: {len(sound)} sound, the newest is {sound[-1]}" if sound else "checkpoints: none sound")
+    yield Finding(f"checkpoints: {len(sound)} valid, the newest is {sound[-1]}" if sound else "checkpoints: none valid")
     for name, problem in damaged.items():
         # Without a sound one they stay where they are: what is left may still be of use to somebody.
         mended = repair and bool(sound)
@@ -98,10 +98,11 @@ def _journal(path: Path, repair: bool) -> Iterator[Finding]:
 
     segments = segment_paths(path / "journal")
     found = review(segments, poison)
-    yield Finding(f"journal: {found.sound} sound records in {len(segments)} segments, {len(seen)} deliveries in them")
+    yield Finding(f"journal: {found.sound} valid records in {len(segments)} segments, {len(seen)} deliveries in them")
     if found.torn:
         yield Finding(
-            f"journal: {found.torn} bytes at its end of a record that was never acknowledged; resuming cuts them"
+            f"journal: {found.torn} bytes at the end belong to a record that was never acknowledged; resuming "
+            "removes them"
         )
     if repair and found.losses:
         mend(segments, found, path / DAMAGED)
@@ -122,7 +123,7 @@ def _episodes(path: Path, repair: bool) -> Iterator[Finding]:
             mend_episodes(file, path / DAMAGED)
         yield Finding(f"episodes.jsonl: {len(bad)} lines cannot be read: {numbers}", wrong=True, mended=repair)
     else:
-        yield Finding("episodes.jsonl: sound")
+        yield Finding("episodes.jsonl: ok")
 
 
 def _curves(path: Path, repair: bool) -> Iterator[Finding]:
@@ -133,4 +134,4 @@ def _curves(path: Path, repair: bool) -> Iterator[Finding]:
             sound = False
             yield Finding(f"tensorboard/{file.name}: {lost} bytes are no event", wrong=True, mended=repair)
     if sound:
-        yield Finding(f"tensorboard: {len(files)} files, sound")
+        yield Finding(f"tensorboard: {len(files)} files, ok")

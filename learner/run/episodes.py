@@ -178,7 +178,7 @@ class EpisodeLog:
     def _cut(self, length: int) -> None:
         size = self._path.stat().st_size
         if size < length:
-            logger.error("%s: %d bytes at its end are missing, and the episodes in them", self._path, length - size)
+            logger.error("%s: %d bytes at the end are missing, with the episodes in them", self._path, length - size)
         elif size > length:
             os.truncate(self._path, length)
 

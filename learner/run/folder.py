@@ -69,7 +69,7 @@ class RunFolder(Closing):
         """
         path = root / config.name
         if path.exists() and not overwrite and not has_begun(path):
-            logger.info("run %s has no checkpoint: it begins again, with what its journal holds", config.name)
+            logger.info("run %s has no checkpoint: starting over, with the content of its journal", config.name)
             run = cls.open(root, config.name)
             run.reconfigure(config)
             return run
@@ -198,7 +198,7 @@ def check_run(path: Path, *, to_continue: bool = False) -> int:
     """
     if not (path / _MARKER).is_file():
         known = sorted(entry.parent.name for entry in path.parent.glob(f"[!.]*/{_MARKER}"))
-        listed = f"there are: {', '.join(known)}" if known else "there is none yet; `hd-learner start` makes one"
+        listed = f"there are: {', '.join(known)}" if known else "there are none yet; `hd-learner start` creates one"
         raise CheckpointError(f"there is no run {path.name!r} in {path.parent}: {listed}")
     try:
         written = read_json(path / _MARKER)["format"]
@@ -210,7 +210,7 @@ def check_run(path: Path, *, to_continue: bool = False) -> int:
         raise CheckpointError(
             f"run {path} has format {written}, and this software cannot read experience from before format "
             f"{OLDEST_CONTINUED}: "
-            f"resume it with the release that began it, or export its policy (`hd-learner export --run {path.name}`) "
+            f"resume it with the release that started it, or export its policy (`hd-learner export --run {path.name}`) "
             "and begin a new run from that (`hd-learner start --run NEW --set learner.initial_policy=FILE`)"
         )
     return int(written)

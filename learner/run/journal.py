@@ -211,7 +211,7 @@ class Journal(Closing):
         for found in scan(path):
             if not isinstance(found, Found):
                 raise CheckpointError(
-                    f"{path} has been damaged at byte {found.start} since it was opened: start again to mend it"
+                    f"{path} has been damaged at byte {found.start} since it was opened: restart to repair it"
                 )
             try:
                 yield Record(number, RecordKind(found.kind), found.payload)
@@ -258,7 +258,7 @@ class Journal(Closing):
                 fresh = self._open_segment()
             except OSError as error:
                 self._segment -= 1
-                raise self._refused("begin a segment of", error, 0) from error
+                raise self._refused("start a segment of", error, 0) from error
             self._finished.append(self._open)
             self._open, self._size = fresh, 0
         return self._segment

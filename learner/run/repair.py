@@ -51,7 +51,7 @@ class Loss:
         if self.count is None and self.last >= 0:
             first = self.first if self.first >= 0 else self.last
             records = f"records {first} to {self.last}" if first < self.last else f"record {self.last}"
-            records += " and perhaps others beside"
+            records += " and possibly others"
         elif self.count is None:
             records = "an unknown number of records" + (f" from {self.first} on" if self.first >= 0 else "")
         elif self.count == 1:

@@ -21,7 +21,7 @@ def ask_learner(session: zenoh.Session, run: str, verb: str, timeout: float) -> 
 
     Raises:
         BusError: nobody answers in time, or the command is refused.
-        MessageError: the answer is of another release.
+        MessageError: the answer is from another release.
     """
     body = request(session, run, verb, timeout)
     actors, last = list(body.get("actors", [])), ""
@@ -34,7 +34,7 @@ def ask_learner(session: zenoh.Session, run: str, verb: str, timeout: float) -> 
     try:
         return LearnerStatus.from_json(body)
     except (KeyError, TypeError) as error:
-        raise MessageError("control_reply.body", f"is of another release ({error}): install the same one") from None
+        raise MessageError("control_reply.body", f"is from another release ({error}): install the same one") from None
 
 
 def only_run(session: zenoh.Session, timeout: float) -> str:

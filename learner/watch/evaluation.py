@@ -167,8 +167,8 @@ class EvaluationRounds:
         host = host_of(actor, self._evaluators.certified)
         if not self._evaluators.count(actor):
             return (
-                f"nobody asked {host} for it; if its evaluators are to choose the best policy, name it "
-                f"(--set learner.evaluators={host})"
+                f"{host} is not listed as an evaluator; to let its evaluators choose the best policy, add it (--set "
+                f"learner.evaluators={host})"
             )
         if not 0 <= report.version <= self._newest():
             return f"{host} reports of a version that was never published"

@@ -146,7 +146,7 @@ def mend_folder(folder: Path, aside: Path) -> None:
             lost = mend_events(path, aside)
         except OSError as error:
             logger.error(
-                "cannot mend %s: %s; `hd-learner doctor --repair` does once there is room", path, error.strerror
+                "cannot repair %s: %s; run `hd-learner doctor --repair` once there is space", path, error.strerror
             )
             continue
         if lost:

@@ -216,7 +216,7 @@ class _Tolerant:
             # Trackers raise errors of many kinds; none of them is worth a training of many hours.
             self._writer = None
             logger.exception(
-                "tracking by %s failed: nothing more goes there until the run is resumed, TensorBoard goes on",
+                "tracking by %s failed: it is disabled until the run is resumed; TensorBoard continues",
                 self._name,
             )
 

@@ -92,11 +92,11 @@ def test_evaluation_tells_how_far_the_classical_planner_drives():
 @pytest.mark.parametrize(
     ("families", "words"),
     [
-        ([{"name": "a"}, {"name": "a"}], "name of its own"),
+        ([{"name": "a"}, {"name": "a"}], "unique names"),
         ([{"name": "A b"}], "lower-case"),
         ([{"name": "a", "sensor_range": [30.0, 10.0]}], "lower bound comes first"),
         ([{"name": "a", "viewpoint_spacing": [0.3, 1.0]}], "two belief cells"),
-        ([{"name": "a", "tasks": ["navigation"]}], "must serve the task 'exploration'"),
+        ([{"name": "a", "tasks": ["navigation"]}], "none of them serves the task 'exploration'"),
     ],
 )
 def test_families_that_make_no_sense_are_refused(families, words):

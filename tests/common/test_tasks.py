@@ -32,7 +32,7 @@ def module(tmp_path, monkeypatch):
 def test_the_shipped_tasks_name_planners_that_do_them():
     assert [find_task(name) for name in TASKS.shipped] == list(BOTH)
     for task in BOTH:
-        for name in (task.reference, task.fallback):
+        for name in (task.reference, task.in_the_open, task.fallback):
             assert task.asked_of(name, make_planner(name, MappingConfig()).tasks) == task.name
         assert task.reference in planner_names(task.plan_as)
     assert not EXPLORATION.needs_target

@@ -50,7 +50,7 @@ def test_config_prints_what_it_reads(tmp_path):
         (["bridge", "--set", "decision.live_run=office"], "live_connect"),
         (["command", "goal", "1"], "goal X Y"),
         (["command", "release"], "command release --who NAME --why REASON"),
-        (["command", "release", "--who", "anna"], "says who they are and why it is safe"),
+        (["command", "release", "--who", "anna"], "requires a name and the reason why it is safe"),
         (["command", "start", "--who", "anna"], "--who and --why are for `release`"),
     ],
 )
@@ -104,7 +104,7 @@ def test_commands_reach_a_bridge_and_topics_shows_it():
             assert "/scan" in seen.stdout
             assert "nobody publishes" not in seen.stdout
             lacking = run("topics", "--profile", "cmu", "--connect", endpoint)
-            assert "nobody publishes what the bridge needs: /registered_scan" in lacking.stdout.replace("\n", " ")
+            assert "not published, but needed by the bridge: /registered_scan" in lacking.stdout.replace("\n", " ")
         finally:
             stop.set()
             thread.join()

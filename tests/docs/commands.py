@@ -144,7 +144,7 @@ def check_setting(tree: ConfigTree, text: str) -> None:
     if path in ("SECTION.FIELD", "X"):
         return
     if tree.field_at(path.strip()) is None:
-        raise BadCommandError(f"there is no setting {path!r}")
+        raise BadCommandError(f"unknown setting {path!r}")
     if equals and not _PLACEHOLDER.search(value):
         try:
             tree.load(overrides=[text])

@@ -45,12 +45,12 @@ class Page:
 
     @property
     def text(self) -> str:
-        return self.path.read_text("utf-8")
+        return _text_of(self.path)
 
     @property
     def prose(self) -> str:
         """The page without its blocks, every line where it was."""
-        return _FENCE.sub(lambda block: "\n" * block.group().count("\n"), self.text)
+        return _prose_of(self.path)
 
     def blocks(self) -> Iterator[Piece]:
         for match in _FENCE.finditer(self.text):
@@ -79,6 +79,16 @@ class Page:
 
     def _place(self, text: str, match: re.Match[str]) -> str:
         return f"{self}:{text.count(chr(10), 0, match.start()) + 1}"
+
+
+@cache
+def _text_of(path: Path) -> str:
+    return path.read_text("utf-8")
+
+
+@cache
+def _prose_of(path: Path) -> str:
+    return _FENCE.sub(lambda block: "\n" * block.group().count("\n"), _text_of(path))
 
 
 @cache

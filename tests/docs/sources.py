@@ -34,6 +34,15 @@ def path_of(module: str) -> str:
     return str(path / "__init__.py" if (ROOT / path).is_dir() else path.with_suffix(".py"))
 
 
+def definitions(tree: ast.AST) -> Iterator[ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef]:
+    """Yield the classes and functions of a module, inner ones too; expressions hold none and are not walked."""
+    for child in ast.iter_child_nodes(tree):
+        if isinstance(child, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            yield child
+        if isinstance(child, ast.stmt | ast.excepthandler | ast.match_case):
+            yield from definitions(child)
+
+
 # Examples of use in docstrings are code, with variables of their own.
 _EXAMPLE = re.compile(r"::\n\n(?:(?: {4}.*)?\n)*(?: {4}.*)?")
 
@@ -58,11 +67,11 @@ def messages() -> tuple[Piece, ...]:
 
 def _docstrings() -> Iterator[Piece]:
     for name, tree in modules().items():
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-                text = ast.get_docstring(node)
-                if text:
-                    yield Piece(f"{path_of(name)}:{getattr(node, 'lineno', 1)}", _EXAMPLE.sub("", text))
+        path = path_of(name)
+        for node in (tree, *definitions(tree)):
+            text = ast.get_docstring(node)
+            if text:
+                yield Piece(f"{path}:{getattr(node, 'lineno', 1)}", _EXAMPLE.sub("", text))
 
 
 def _comments() -> Iterator[Piece]:

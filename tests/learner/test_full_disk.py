@@ -76,7 +76,7 @@ def test_a_learner_holds_and_goes_on(small_disk, caplog):
             assert caplog.text.count("The learner holds") == 1
             small_disk.empty()
             until(lambda: trainer.state != "disk full")
-            assert caplog.text.count("there is room on the disk again") == 1
+            assert caplog.text.count("there is space on the disk again") == 1
             for delivery in refused:
                 trainer.ingest.store(delivery)
             until(lambda: trainer.limiter.updates > held + 5)
@@ -225,7 +225,7 @@ def test_a_running_learner_holds_its_actors_and_loses_nothing(small_disk):
     finally:
         learner.end()
     log = learner.log.read_text()
-    assert "Traceback" not in log and log.count("The learner holds") == log.count("there is room on the disk again")
+    assert "Traceback" not in log and log.count("The learner holds") == log.count("there is space on the disk again")
     assert len(log) < 20_000
 
 

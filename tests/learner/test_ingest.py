@@ -4,6 +4,7 @@ import os
 import numpy as np
 import pytest
 
+from common.bus import seen
 from common.errors import CheckpointError, RefusedError
 from common.messages.codec import pack
 from common.messages.experience import Delivery
@@ -16,6 +17,7 @@ from learner.replay.buffer import ReplayBuffer
 from learner.run.episodes import EpisodeLog
 from learner.run.journal import Journal
 from learner.run.records import RecordKind
+from learner.watch import actors
 from tests.learner.experience import deliver, episode_report
 from tests.learner.runs import episodes, small_config
 
@@ -243,14 +245,16 @@ def test_an_actor_that_poisons_again_and_again_is_refused_and_the_others_are_not
     journal.close()
 
 
-def test_eleven_thousand_invented_names_make_no_replayed_message_count_twice(tmp_path):
+def test_more_invented_names_than_are_remembered_make_no_replayed_message_count_twice(tmp_path, monkeypatch):
+    monkeypatch.setattr(seen, "MAX_OPEN_PER_HOST", 200)
+    monkeypatch.setattr(actors, "_MAX_ACTORS", 500)
     ingest, journal = open_ingest(tmp_path)
     honest = episodes(1)
     for delivery in honest:
         ingest.store(delivery)
-    for number in range(11_000):
+    for number in range(550):
         ingest.store(Delivery(f"invented-{number}", number, 0, honest[-1].body))
-    assert len(ingest.actors) == 10_000
+    assert len(ingest.actors) == 500
     before = ingest.limiter.steps
     for delivery in honest:
         ingest.store(delivery)

@@ -112,7 +112,7 @@ def test_a_run_from_start_to_stop_by_its_commands(learner):
         assert learner.status()["ratio_actual"] == pytest.approx(0.05)
         assert "is paused at 8 updates" in learner.ask("pause")
         assert learner.status()["state"] == "paused"
-        assert "goes on from 8 updates" in learner.ask("unpause")
+        assert "continues from 8 updates" in learner.ask("unpause")
         assert "checkpoint 000000008 written" in learner.ask("checkpoint")
         assert "HDPlanner test" in learner.ask("status")
         refused = learner.run("start", "--run", "test")
@@ -162,7 +162,7 @@ def test_a_start_that_failed_or_was_interrupted_blocks_no_later_one(learner):
     assert "Traceback" not in learner.log.read_text()
     # The one that `make run` gives, and any other, goes on where there is nothing to go on with.
     learner.launch("resume")
-    assert until(lambda: "has no checkpoint yet: it begins again" in learner.log.read_text())
+    assert until(lambda: "has no checkpoint yet: starting over" in learner.log.read_text())
     assert until(lambda: "listens on" in learner.log.read_text()), learner.log.read_text()
     assert learner.status()["state"] == "collecting"
 

@@ -58,7 +58,7 @@ def test_the_later_one_holds_until_the_other_is_gone(tmp_path, caplog):
                 assert (second.limiter.steps, first.limiter.steps) == (0, 32)
                 assert second.limiter.updates == updates
             assert eventually(lambda: not second.held, 20.0)
-            assert ": going on" in caplog.text
+            assert ": continuing" in caplog.text
             deliver(here, "desk-1", 3, 1)
             assert second.limiter.steps == 24
         assert not first.held

@@ -217,7 +217,7 @@ def test_one_bad_value_ends_no_run_and_its_source_is_named(tmp_path, caplog, cha
             trainer.ingest.store(delivery)
         train(trainer)
         assert trainer.complete
-        assert "set aside for good: message 1 of desk-0 (incarnation 7)" in caplog.text
+        assert "permanently excluded: message 1 of desk-0 (incarnation 7)" in caplog.text
         assert (made[1].actor, 7, 1) in trainer.ingest.quarantine
         assert all(np.isfinite(weights).all() for weights in published[-1].weights.values())
         trainer.close()

@@ -1,4 +1,4 @@
-"""A learner and four actors as processes, killed in the middle: nothing acknowledged is lost or counted twice."""
+"""A learner and two actors as processes, killed in the middle: nothing acknowledged is lost or counted twice."""
 
 import contextlib
 import json
@@ -14,11 +14,15 @@ from pathlib import Path
 import psutil
 import pytest
 
+from common.bus.control import request
+from common.bus.session import open_client_session
+from common.config import BusConfig
+from common.errors import BusError
 from common.messages.experience import Chunk, Delivery
 from common.messages.schema import decode
 from learner.run.journal import Journal, RecordKind
 
-STEPS = 2_000
+STEPS = 700
 ACKNOWLEDGED = re.compile(r"(system-\d+) \| .*message (\d+) of incarnation (\d+) is acknowledged")
 SETTINGS = [
     "maps.train=generator:rooms?width=320&height=240",
@@ -26,13 +30,13 @@ SETTINGS = [
     "network.heads=2",
     "network.layers=1",
     "mapping.resolution=0.5",
-    "replay.min_steps=100",
+    "replay.min_steps=40",
     "learner.batch_size=8",
-    "learner.updates_per_step=0.05",
+    "learner.updates_per_step=0.1",
     "learner.total_updates=1000000",
     "learner.publish_every=2",
     "learner.threads=1",
-    "checkpoints.every_seconds=5",
+    "checkpoints.every_seconds=1",
     "actor.chunk_steps=8",
 ]
 
@@ -80,11 +84,14 @@ class System:
     def wait_for(self, condition, seconds: float) -> dict:
         """Ask for the status until it meets a condition; fail with both logs when it does not in time."""
         status, end = {}, time.monotonic() + seconds
-        while time.monotonic() < end:
-            status = self.status()
-            if status and condition(status):
-                return status
-            time.sleep(0.3)
+        # Asked in this process: one of its own for each question would take its time from those that it asks about.
+        with open_client_session(BusConfig(), [self.endpoint]) as session:
+            while time.monotonic() < end:
+                with contextlib.suppress(BusError):
+                    status = request(session, "system", "status", 5.0)
+                    if condition(status):
+                        return status
+                time.sleep(0.1)
         logs = "".join(f"--- {file.name}\n{file.read_text()[-3000:]}" for file in self.folder.glob("*.log"))
         raise AssertionError(f"not in {seconds} s: {json.dumps(status)[:3000]}\n{logs}")
 
@@ -111,27 +118,26 @@ def alive(status: dict) -> dict[str, dict]:
 @pytest.mark.timeout(400)
 def test_training_survives_the_death_of_an_actor_and_of_the_learner(system):
     learner = system.learner("start")
-    system.wait_for(lambda status: True, 90)
-    options = ["--num", "4", "--connect", system.endpoint, "--run", "system", "--sim", "grid", "--name", "system"]
+    system.wait_for(lambda status: True, 150)
+    options = ["--num", "2", "--connect", system.endpoint, "--run", "system", "--sim", "grid", "--name", "system"]
     actors = system.start("actors", "actors", *options, "--log-level", "debug")
 
     status = system.wait_for(
-        lambda s: s["steps"] >= 500 and len(alive(s)) == 4 and all(a["version"] >= 2 for a in alive(s).values()), 150
+        lambda s: s["steps"] >= 150 and len(alive(s)) == 2 and all(a["version"] >= 2 for a in alive(s).values()), 150
     )
     versions = {name: actor["version"] for name, actor in alive(status).items()}
 
     victim = next(child for child in psutil.Process(actors.pid).children() if "actors.process" in child.cmdline())
     victim.kill()
-    status = system.wait_for(lambda s: s["steps"] >= 900, 60)
+    status = system.wait_for(lambda s: s["steps"] >= 300, 60)
 
     learner.send_signal(signal.SIGKILL)
     learner.wait()
-    time.sleep(2.0)
     learner = system.learner("resume")
     status = system.wait_for(
         lambda s: (
             s["steps"] >= STEPS
-            and len(alive(s)) == 4
+            and len(alive(s)) == 2
             and all(actor["version"] > versions[name] for name, actor in alive(s).items())
         ),
         150,
@@ -159,8 +165,8 @@ def test_training_survives_the_death_of_an_actor_and_of_the_learner(system):
                 delivery = decode(record.payload, Delivery)
                 stored.append((delivery.actor, delivery.sequence, delivery.incarnation))
                 steps += delivery.body.steps if isinstance(delivery.body, Chunk) else 0
-    assert len(acknowledged) > 100
+    assert len(acknowledged) > 70
     assert acknowledged <= set(stored), "something acknowledged was lost"
     assert len(stored) == len(set(stored)), "something was stored twice"
     assert steps == final["steps"], "the learner counts other steps than it stored"
-    assert len({incarnation for _, _, incarnation in stored}) == 5, "four actors, one of them twice"
+    assert len({incarnation for _, _, incarnation in stored}) == 3, "two actors, one of them twice"

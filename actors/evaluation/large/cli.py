@@ -67,7 +67,7 @@ def large(
 ) -> None:
     """Explore, or tour, buildings of 130 m x 100 m: a robot under physics, a 16-line lidar, sensing on the way.
 
-    A run that was broken off goes on where it was when the same command is given again. The exit code is 1 when an
+    The same command continues an interrupted run. The exit code is 1 when an
     episode crashed; the others are not affected.
 
     Examples:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from actors.evaluation.episode import Decider, Tell, tell_nobody
-from actors.evaluation.episodes import EpisodeRunner
+from actors.evaluation.episode_runner import EpisodeRunner
 from actors.evaluation.large.simulator import NotedSimulator
 from actors.evaluation.large.tour import leg_world, tour_targets
 from actors.evaluation.outcome import CurvePoint, Leg, Outcome, Place

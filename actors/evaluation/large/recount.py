@@ -107,7 +107,7 @@ def _arrivals(
         goal.reset(leg_world(world, world.start, leg.target))
         arrived = next((place for place, pose in enumerate(places) if goal.complete(coverage, pose)), None)
         if arrived is None:
-            problems.append(f"target {number} is recorded as reached, but the track does not come to it in its turn")
+            problems.append(f"target {number} is recorded as reached, but the track does not reach it in order")
         else:
             places = places[arrived:]
     if episode.success != all(leg.success for leg in episode.legs):

@@ -70,8 +70,8 @@ def notes(found: Sequence[LargeResults], baseline: str | None) -> list[str]:
     settings = settings_of(first)
     lidar = settings.simulator
     lines = [
-        f"Mean ± standard deviation over the worlds of {settings.maps[0]} (their variety, no uncertainty); failures "
-        "count with what they had come to.",
+        f"Mean ± standard deviation over the worlds of {settings.maps[0]} (their variety, not an uncertainty); "
+        "failures count with the values reached so far.",
         f"Robot at {lidar.speed:g} m/s, lidar of {lidar.lidar_layers} x {lidar.rays} rays at {lidar.lidar_rate:g} Hz "
         f"and {settings.mapping.sensor_range:g} m; planners leave its centre {settings.mapping.robot_radius:g} m.",
         "Time: simulated driving, computing excluded. Decision: processor time with mapping, median over the worlds of "

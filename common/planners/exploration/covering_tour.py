@@ -12,8 +12,9 @@ from common.errors import ConfigError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Position, TaskName
-from common.planners.exploration.clusters import cluster_labels
+from common.planners.exploration.clusters import cluster_labels, openings
 from common.planners.exploration.held_tour import HeldTour
+from common.planners.exploration.nearest import NearestPlanner
 from common.planners.exploration.ways import Ways
 from common.planners.viewpoint_planner import ViewpointPlanner
 from common.planners.visibility import unknown_in_sight
@@ -60,6 +61,11 @@ class CoveringTourPlanner(ViewpointPlanner):
       little that an exploration is complete without them. They are taken along where they lie on the way, at most
       `detour` each; else in a large building one returns for them in the end. What is left when nothing else is, is
       toured like the rest.
+    - Where the floor opens into the unknown on many sides, as between the shelves of a warehouse, the robot drives to
+      the nearest frontier instead (see `NearestPlanner`). A tour would look a few metres into each aisle and come back,
+      again and again, for what is seen on the way through the next one. With more than `most_openings` on 100 m2 of
+      known floor, decided at each viewpoint, routes are a fifth shorter in warehouses, and as long as before in offices
+      and tunnels (docs/evaluation.md).
     - It ends: a viewpoint is a stop no more once the robot has scanned from there, and a robot that comes back to one
       without having seen anything new keeps its tour until it has (see `HeldTour`).
     """
@@ -75,6 +81,7 @@ class CoveringTourPlanner(ViewpointPlanner):
         min_remainder: float = 0.5,
         min_gain: float = 4.0,
         detour: float = 2.0,
+        most_openings: float = 3.0,
     ) -> None:
         """Set up.
 
@@ -88,6 +95,7 @@ class CoveringTourPlanner(ViewpointPlanner):
             min_remainder: a cluster that is shorter than this is not even taken along, metres.
             min_gain: a viewpoint from where less unknown area can be in sight waits, square metres.
             detour: metres that a stop for what waits may add to the tour.
+            most_openings: with more openings on 100 m2 of known floor than this the nearest frontier is driven to.
 
         Raises:
             ConfigError: a setting is out of range.
@@ -100,6 +108,7 @@ class CoveringTourPlanner(ViewpointPlanner):
             ("min_remainder", min_remainder),
             ("min_gain", min_gain),
             ("detour", detour),
+            ("most_openings", most_openings),
         ):
             if not value >= 0.0:
                 raise ConfigError(f"planner 'tour': {setting} must be at least 0, got {value}")
@@ -108,6 +117,8 @@ class CoveringTourPlanner(ViewpointPlanner):
         self._min_remainder = min_remainder / config.resolution
         self._min_gain = min_gain
         self._detour = detour
+        self._most_openings = most_openings
+        self._nearest = NearestPlanner(config)
         super().__init__(config)
 
     def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
@@ -121,14 +132,24 @@ class CoveringTourPlanner(ViewpointPlanner):
         self, mapper: Mapper, pose: Pose, candidates: NDArray[np.int64], positions: NDArray[np.float64]
     ) -> list[int]:
         """Return the neighbour to go to and the next stops of the tour from there."""
-        del pose
-        stops = self._held.stops(mapper, candidates, positions, lambda: self._plan(mapper, candidates, positions))
+        labels = cluster_labels(mapper.belief, mapper.frontiers)
+        if openings(np.bincount(labels), mapper.belief.resolution, mapper.explored_area) > self._most_openings:
+            # This ends as well: the number of openings changes with what is seen, and with nothing else.
+            return self._nearest.choose(mapper, pose, candidates, positions)
+        stops = self._held.stops(
+            mapper, candidates, positions, lambda: self._plan(mapper, candidates, positions, labels)
+        )
         return stops[:STOPS_AHEAD]
 
-    def _plan(self, mapper: Mapper, candidates: NDArray[np.int64], positions: NDArray[np.float64]) -> list[int]:
+    def _plan(
+        self,
+        mapper: Mapper,
+        candidates: NDArray[np.int64],
+        positions: NDArray[np.float64],
+        labels: NDArray[np.int64],
+    ) -> list[int]:
         """Return the stops of a new tour: of the rewarding ones, or where none is left of whatever is."""
         frontiers = mapper.frontiers
-        labels = cluster_labels(mapper.belief, frontiers)
         sizes = np.bincount(labels)[labels]
         pointer, seen = mapper.sightings()
         near = _within(pointer, seen, positions, frontiers, self._cover_range)

@@ -70,7 +70,7 @@ class SamplingPlanner(ABC):
     def plan(self, mapper: Mapper, pose: Pose) -> Plan:
         """Decide; the mapper has taken in the newest scan and was updated at this pose."""
         if not mapper.segment_free(pose.position, pose.position):
-            return Plan(Status.STUCK, reason="the robot does not stand in a cell that is known to be free")
+            return Plan(Status.STUCK, reason="the robot is not in a cell that is known to be free")
         box = free_box(mapper.clear)
         if box is None or not at_ease(mapper.clear, np.array([pose.position]))[0]:
             return self._leave_margin(mapper, pose)

@@ -83,7 +83,7 @@ class NavigationPlanner(ABC):
             return Plan(Status.COMPLETE, reason="the robot has arrived at the target")
         straight = pose.distance_to(target) <= self._longest and mapper.segment_free(pose.position, target)
         if straight and not self._tried(pose.position, target):
-            return self._go(pose, Plan(Status.GOING, waypoint=target, beacon=target, reason="the target is in sight"))
+            return self._go(pose, Plan(Status.GOING, waypoint=target, beacon=target, reason="the target is visible"))
         if mapper.stuck:
             return Plan(Status.STUCK, reason="no viewpoint can be reached in a straight free line from the robot")
         plan = self.decide(mapper, pose, target)
@@ -206,7 +206,7 @@ class GraphNavigator(NavigationPlanner):
             if waypoint is not None:
                 return Plan(Status.GOING, waypoint=waypoint, beacon=target, path=way, reason="looking more closely")
             graph.bring_up_to_date(mapper, mapper.position(mapper.robot))
-        return Plan(Status.STUCK, reason=f"none of {MAX_PATHS} ways begins in space that is known to be clear")
+        return Plan(Status.STUCK, reason=f"none of {MAX_PATHS} paths begins in space that is known to be clear")
 
 
 def as_near_as_possible(pose: Pose, path: list[Position], target: Position, near: float) -> bool:

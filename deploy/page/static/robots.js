@@ -10,6 +10,7 @@ import { Layers, drawPin } from "./layers.js";
 import { showEvents, showFaults, showInputs, showPlanner, showTask, showWatchdog } from "./panels.js";
 
 const TONES = { running: "busy", returning: "busy", finished: "good", holding: "caution", paused: "caution", aborted: "caution", failed: "fault" };
+const MOVING = new Set(["running", "returning", "holding"]);
 const SPEEDS = [1, 2, 5, 10, 30];
 const $ = (id) => document.getElementById(id);
 
@@ -206,7 +207,12 @@ async function askGoal() {
 
 async function go(x, y) {
   setPin(null);
-  await carryOut(connection, selected, "goal", { x, y }, `On the way to (${number(x)}, ${number(y, "m")})`);
+  const where = `(${number(x)}, ${number(y, "m")})`;
+  const { state } = value("status");
+  if (!(await carryOut(connection, selected, "goal", { x, y }, `On the way to ${where}`))) return;
+  // A robot that has no orders to move keeps the goal until it is told to.
+  if (state === "paused") await carryOut(connection, selected, "resume", {});
+  else if (!MOVING.has(state)) await carryOut(connection, selected, "start", {});
 }
 
 $("stop").addEventListener("click", () => stop(""));

@@ -135,7 +135,7 @@ def test_a_signal_leaves_whole_results_and_no_process(tmp_path, number):
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "Traceback" not in errors
-    assert "the same command goes on" in errors
+    assert "the same command continues" in errors
     _, left = psutil.wait_procs(children, timeout=10)
     assert not left
     done = read_results(tmp_path / "greedy.json").episodes

@@ -43,5 +43,5 @@ def test_settings_of_a_subfolder_are_not_passed_over(tmp_path: Path) -> None:
     (tmp_path / "sub").mkdir()
     (tmp_path / "sub" / "worlds.toml").touch()
     (tmp_path / "a.png").touch()
-    with pytest.raises(MapError, match=r"sub/worlds\.toml holds settings for its own folder alone: name that folder"):
+    with pytest.raises(MapError, match=r"sub/worlds\.toml applies only to its own folder: give that folder"):
         list_maps(tmp_path)

@@ -2,14 +2,18 @@
 
 import dataclasses
 import re
+from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
 from actors.evaluation.cli import app
 from actors.maps.generators import make_generator
 from actors.maps.png import write_png
 from actors.maps.public_sets import PUBLIC_SETS, check_folder
+from actors.maps.recommended import read_preset
 from common.errors import MapError
 
 runner = CliRunner()
@@ -31,6 +35,37 @@ def test_every_set_is_listed_with_the_way_to_it():
     for each in PUBLIC_SETS.values():
         line = re.search(rf"^{each.name} .*$", result.output, re.M)
         assert line and each.folder in line[0] and "git clone" in line[0] and each.licence in line[0]
+
+
+@pytest.mark.parametrize("name", ["floorplans", "cmu"])
+def test_a_set_of_pictures_says_how_to_prepare_it_and_which_settings_suit_it(name):
+    result = runner.invoke(app, ["maps", name])
+    assert result.exit_code == 0
+    fetch, prepare, use = result.output.splitlines()
+    assert fetch.startswith("git clone") and "yellow" in prepare
+    assert use.startswith(f"use: --maps {name}:FOLDER (")
+    for path, value in read_preset(name).settings.items():
+        assert f"{path}={value}" in use
+
+
+def test_plans_are_checked_with_the_scale_and_the_starts_that_an_evaluation_takes(folder):
+    """The start (4, 4) m is inside the picture at the preset's 0.1 m a pixel, outside at the scale of worlds.toml."""
+    for file in folder.glob("*.png"):
+        plain = np.full((100, 200, 3), 255, np.uint8)
+        Image.fromarray(plain).save(file)
+    plans = PUBLIC_SETS["floorplans"]
+    assert len(check_folder(plans, folder).problems) == 2
+    starts = "".join(f'[worlds."{number}.png"]\nstart = [4.0, 4.0]\n' for number in range(2))
+    (folder / "worlds.toml").write_text("[maps]\nmetres_per_pixel = 0.01\n" + starts)
+    assert check_folder(plans, folder).problems == ()
+
+
+@pytest.mark.parametrize("name", [pytest.param("floorplans", marks=pytest.mark.slow), "cmu"])
+def test_the_prepared_public_plans_are_such_sets(name):
+    maps = Path(__file__).parents[4] / "shared" / "data" / "maps" / name
+    if not maps.is_dir():
+        pytest.skip("the public maps are not here (../shared/data)")
+    assert check_folder(PUBLIC_SETS[name], maps).problems == ()
 
 
 def test_a_sound_folder_has_no_problems(folder):
@@ -58,4 +93,4 @@ def test_what_is_not_there_says_how_to_get_it(tmp_path):
         check_folder(SMALL, tmp_path / "nowhere")
     result = runner.invoke(app, ["maps", "dungeons"])
     assert result.exit_code == 1
-    assert "there is no public set 'dungeons'" in result.output
+    assert "unknown set 'dungeons'" in result.output

@@ -90,7 +90,7 @@ def test_ros_maps_count_as_floor_plans_of_their_own_scale(tmp_path: Path) -> Non
     [
         ("[mapping", "expected settings of worlds in TOML"),
         ("resolution = 1", "expected tables such as"),
-        ("[mapping]\nresolutoin = 0.1", "there is no such setting: did you mean 'mapping.resolution'"),
+        ("[mapping]\nresolutoin = 0.1", "unknown setting: did you mean 'mapping.resolution'"),
         ("[mapping]\nresolution = 'fine'", "mapping.resolution: input should be a valid number.*got 'fine'"),
         ("[mapping]\nviewpoint_spacing = 0.3", "viewpoint_spacing .* must be at least two belief cells"),
         (
@@ -122,9 +122,9 @@ def test_files_that_cannot_be_settings(tmp_path: Path) -> None:
 def test_sources_that_need_different_settings_are_told_apart() -> None:
     fine = Recommendation("fine", {"maps.metres_per_pixel": 0.1, "mapping.resolution": 0.1, "task.max_steps": 300})
     coarse = Recommendation("coarse", {"maps.metres_per_pixel": 0.2, "mapping.resolution": 0.2, "task.max_steps": 500})
-    with pytest.raises(ConfigError, match=r"mapping\.resolution \(fine says 0\.1, coarse says 0\.2\).*--set mapping"):
+    with pytest.raises(ConfigError, match=r"mapping\.resolution \(fine: 0\.1, coarse: 0\.2\).*--set mapping"):
         joined([fine, coarse], [])
-    with pytest.raises(ConfigError, match="a source without settings says None"):
+    with pytest.raises(ConfigError, match="a source without settings: None"):
         joined([fine, Recommendation()], [])
     assert joined([fine, coarse], ["mapping.resolution"]) == {"task.max_steps": 500}
     assert joined([fine, Recommendation()], ["mapping.resolution"]) == {"task.max_steps": 300}

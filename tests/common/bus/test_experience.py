@@ -308,8 +308,7 @@ def test_clients_beyond_the_limit_are_turned_away_and_come_back(sessions):
         gate.wait(10)
         return store(delivery, payload)
 
-    with ExperienceServer(learner, "run", 5, slow) as server:
-        server._server._max_waiting = 2
+    with ExperienceServer(learner, "run", 5, slow, max_waiting=2) as server:
         with contextlib.ExitStack() as stack:
             senders = [stack.enter_context(ExperienceSender(client, "run", f"desk-{i}")) for i in range(6)]
             for sender in senders:
@@ -318,3 +317,48 @@ def test_clients_beyond_the_limit_are_turned_away_and_come_back(sessions):
             gate.set()
             assert all(sender.flush(10) for sender in senders)
         assert sorted(d.actor for d in store.deliveries) == [f"desk-{i}" for i in range(6)]
+
+
+def test_a_host_that_floods_the_learner_waits_behind_itself(sessions):
+    learner, client = sessions
+    stored, gate = [], threading.Event()
+
+    def slow(delivery, payload):
+        gate.wait(10)
+        stored.append(delivery.actor)
+        return 0.0
+
+    def unheard(reply):
+        pass
+
+    with ExperienceServer(learner, "run", 5, slow, max_waiting=64) as server:
+        for number in range(100):
+            name = f"evil-{number % 10}"
+            flood = encode(Delivery(name, 7, number, samples.report()))
+            client.get(f"hd/run/experience/{name}", zenoh.handlers.Callback(unheard, indirect=False), payload=flood)
+        assert eventually(lambda: server._server.turned_away >= 35)
+        with ExperienceSender(client, "run", "desk-0") as sender, ExperienceSender(client, "run", "lab-0") as other:
+            for each in (sender, other):
+                each.send(samples.report())
+            assert eventually(lambda: {"desk", "lab"} <= server._server._waiting._sources.keys())
+            gate.set()
+            assert sender.flush(10) and other.flush(10)
+    assert {"desk-0", "lab-0"} <= set(stored[:6])
+
+
+def test_a_learner_that_takes_longer_than_the_timeout_is_waited_for(sessions):
+    """What is sent again and again would wait behind itself, and no answer would ever come in time."""
+    learner, client = sessions
+    store = Store()
+
+    def slow(delivery, payload):
+        time.sleep(0.3)
+        return store(delivery, payload)
+
+    with (
+        ExperienceServer(learner, "run", 5, slow),
+        ExperienceSender(client, "run", "desk-0", ack_timeout=0.1) as sender,
+    ):
+        for _ in range(3):
+            sender.send(samples.report())
+        assert sender.flush(20)

@@ -42,7 +42,7 @@ def test_an_error_in_an_answer_is_logged_and_the_next_query_answered(sessions, c
         assert [reply for reply in ask(client, "hd/run/spec", 1.0) if reply.ok] == []
         (reply,) = ask(client, "hd/run/spec", 3.0)
         assert reply.ok.payload.to_bytes() == b"here"
-    assert "answering a query on hd/run/spec failed and goes on: OverflowError" in caplog.text
+    assert "answering a query on hd/run/spec failed and continues: OverflowError" in caplog.text
     assert "OverflowError" in caplog.text
 
 

@@ -68,6 +68,13 @@ def test_foreign_addresses_are_refused():
         opened(BusConfig(listen=f"tcp/192.0.2.1:{free_port()}"))
 
 
+def test_an_error_of_zenoh_names_no_place_in_its_source():
+    config = BusConfig(listen="unixsock-stream//no/such/folder/socket")
+    with pytest.raises(BusError, match="cannot listen on unixsock-stream") as error, open_learner_session(config):
+        pass
+    assert "No such file" in str(error.value) and ".rs" not in str(error.value)
+
+
 def test_connections_that_say_nothing_keep_nobody_out():
     config = loopback()
     port = int(config.listen.rsplit(":", 1)[1])

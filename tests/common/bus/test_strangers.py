@@ -78,7 +78,7 @@ def test_an_error_in_what_presence_tells_ends_nothing(sessions, caplog):
         for name in ("desk-0", "desk-1"):
             with client.liveliness().declare_token(f"hd/run/live/actor/{name}"):
                 assert eventually(lambda name=name: (("actor", name), True) in told, 5.0)
-    assert "watching presence failed and goes on: KeyError" in caplog.text
+    assert "watching presence failed and continues: KeyError" in caplog.text
 
 
 def test_answers_of_a_false_learner_reach_no_terminal_raw(sessions):

@@ -51,7 +51,7 @@ def test_a_message_may_name_no_module_that_the_user_did_not(settings):
 
 def test_what_is_no_configuration_is_refused():
     for text in ("", "[]", '{"nonsense": 1}'):
-        with pytest.raises(MessageError, match="is not a configuration that this version"):
+        with pytest.raises(MessageError, match="is not a configuration of this version"):
             config_from_message(text, (), "allow it")
 
 

@@ -294,7 +294,7 @@ def test_a_robot_without_any_viewpoint_in_reach_is_stuck_and_says_so():
     assert mapper.stuck
     assert mapper.robot == -1
     assert len(mapper.viewpoints) == len(mapper.edges) == len(mapper.beacons) == len(mapper.frontiers) == 0
-    with pytest.raises(MappingError, match=r"\(5.00, 5.00\) lies in no known free space"):
+    with pytest.raises(MappingError, match=r"\(5.00, 5.00\) is not in known free space"):
         mapper.observe()
     see(mapper, room(), Pose(5.0, 5.0))
     assert not mapper.stuck

@@ -70,7 +70,7 @@ DEEP = b"\x81\xa1a" * 100_000
         (b"", "message", "only 0 are left"),
         (b"\xc0", "message", "must be a map"),
         (b"\x81\xa1a", "message.a", "only 0 are left"),
-        (b"\x82\xa1a\x01\xa1a\x02", "message.a", "comes twice"),
+        (b"\x82\xa1a\x01\xa1a\x02", "message.a", "is duplicated"),
         (b"\x81\x01\x01", "message", "text as names"),
         (b"\x80\x00", "message", "must end after 1 bytes"),
         (b"\x81\xa1a\x91\x01", "message.a", "tag 0x91"),

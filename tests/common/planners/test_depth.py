@@ -10,7 +10,7 @@ from common.config import MappingConfig, RewardConfig, SimulatorConfig, TaskConf
 from common.mapping.mapper import Mapper
 from common.messages.experience import End
 from common.planners.base import TaskName
-from common.planners.depth import MOST_CYCLES, Depth
+from common.planners.depth import MOST_CYCLES, Decider, Depth
 from common.planners.learned import LearnedPlanner, bare_planner
 from common.planners.registry import make_planner
 from common.policies.shipped import shipped_policy
@@ -26,31 +26,37 @@ def environment_in(name: str, number: int, task: TaskName = "exploration") -> En
 
 
 @pytest.mark.parametrize(
-    ("name", "within"), [("rooms", True), ("forest", True), ("office", False), ("warehouse", False), ("tunnel", False)]
+    ("name", "decider"),
+    [
+        ("rooms", Decider.POLICY),
+        ("forest", Decider.IN_THE_OPEN),
+        ("office", Decider.REFERENCE),
+        ("warehouse", Decider.REFERENCE),
+        ("tunnel", Decider.REFERENCE),
+    ],
 )
-def test_worlds_are_told_apart_early(name: str, within: bool) -> None:
+def test_worlds_are_told_apart_early(name: str, decider: Decider) -> None:
     for number in (5_000_000 + k for k in range(3)):
         environment = environment_in(name, number)
         planner = make_planner("nearest", MAPPING)
         depth = Depth(MAPPING)
-        judged = depth.within(environment.mapper, 0)
+        judged = depth.decider(environment.mapper, 0)
         while environment.end is End.NONE and environment.mapper.explored_area < 260.0:
             plan = planner.plan(environment.mapper, environment.pose)
             assert plan.waypoint is not None
             environment.step_to(plan.waypoint, plan.via)
-            judged = depth.within(environment.mapper, 0)
-        assert judged == within, number
-        if not within:
-            # Once and for all.
-            assert not depth.within(environment_in("rooms", number).mapper, 0)
+            judged = depth.decider(environment.mapper, 0)
+        assert judged is decider, number
+        # Once and for all.
+        assert depth.decider(environment_in("rooms", number).mapper, 0) is decider
 
 
 def test_a_policy_that_dithers_is_out_of_its_depth() -> None:
     rooms = environment_in("rooms", 5_000_000).mapper
     depth = Depth(MAPPING)
-    assert depth.within(rooms, MOST_CYCLES)
-    assert not depth.within(rooms, MOST_CYCLES + 1)
-    assert not depth.within(rooms, 0)
+    assert depth.decider(rooms, MOST_CYCLES) is Decider.POLICY
+    assert depth.decider(rooms, MOST_CYCLES + 1) is Decider.REFERENCE
+    assert depth.decider(rooms, 0) is Decider.REFERENCE
 
 
 @pytest.mark.parametrize(("task", "classical"), [("exploration", "tour"), ("navigation", "dstar_lite")])

@@ -13,26 +13,37 @@ OUTER = (
 )
 
 
-def test_a_change_of_a_called_kernel_reaches_its_callers(tmp_path):
+def start(folder, after="") -> subprocess.Popen:
+    """Run the outer kernel in a process of its own."""
+    program = f"from common.outer import inner, outer; print(outer(1)){after}"
+    environment = {"XDG_CACHE_HOME": str(folder / "cache"), "PYTHONPATH": str(folder)}
+    command = [sys.executable, "-c", program]
+    return subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True)
+
+
+def told(process) -> str:
+    with process:
+        out = process.stdout.read()
+    assert process.returncode == 0
+    return out.strip()
+
+
+def test_processes_share_what_one_compiles_and_a_change_of_a_called_kernel_reaches_its_callers(tmp_path):
     package = tmp_path / "common"
     (package / "system").mkdir(parents=True)
     for name in ("__init__.py", "system/__init__.py", "system/jit.py"):
         shutil.copy(ROOT / "common" / name, package / name)
     (package / "outer.py").write_text(OUTER)
-
-    def answer() -> str:
-        done = subprocess.run(
-            [sys.executable, "-c", "from common.outer import outer; print(outer(1))"],
-            cwd=tmp_path,
-            env={"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)},
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        return done.stdout.strip()
-
     (package / "inner.py").write_text(INNER.format(1))
-    assert answer() == answer() == "2"
+
+    # Two that start together: each kernel is compiled in one of them, and loaded in the other.
+    misses = "; print(*(sum(kernel.stats.cache_misses.values()) for kernel in (inner, outer)))"
+    together = [start(tmp_path, misses) for _ in range(2)]
+    answers = [told(process).split() for process in together]
+    assert [answer[0] for answer in answers] == ["2"] * 2
+    assert sum(int(answer[2]) for answer in answers) == 1, "outer"
+    assert sum(int(answer[1]) for answer in answers) <= 1, "inner"
     assert len(list((tmp_path / "cache" / "hdplanner" / "kernels").iterdir())) == 1
+
     (package / "inner.py").write_text(INNER.format(10))
-    assert answer() == "11"
+    assert told(start(tmp_path)) == "11"

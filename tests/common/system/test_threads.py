@@ -19,7 +19,7 @@ def test_a_ticker_goes_on_after_an_error_and_says_what_it_was(caplog):
         assert eventually(lambda: len(times) > 4)
     said = [record for record in caplog.records if record.levelno == logging.ERROR]
     assert len(said) == 1
-    assert "statistics failed and goes on: AttributeError: 'LearnerStats' object has no attribute" in said[0].message
+    assert "statistics failed and continues: AttributeError: 'LearnerStats' object has no attribute" in said[0].message
     assert said[0].exc_info is not None
     ended = len(times)
     time.sleep(0.05)

@@ -42,7 +42,7 @@ def test_a_second_bridge_of_the_name_does_not_start_and_leaves_the_first_one_alo
             robot.say("start")
             assert eventually(lambda: robot.status.get("state") == "running", 30)
             before = watchdogs()
-            with pytest.raises(BusError, match="a bridge with the name 'robot' is at work on this network already"):
+            with pytest.raises(BusError, match="a bridge with the name 'robot' is already running on this network"):
                 Bridge(config)
             assert watchdogs() == before and len(before) == 1, "its watchdog must not have begun"
             assert robot.status["state"] == "running"

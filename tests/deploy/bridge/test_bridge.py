@@ -95,7 +95,7 @@ def test_every_command_is_acknowledged_on_the_bus(robot):
     assert eventually(lambda: ask(robot, "status")["emergency_stop"])
     with pytest.raises(BusError, match="emergency stop is latched: release it first"):
         ask(robot, "start")
-    with pytest.raises(BusError, match="says who they are and why"):
+    with pytest.raises(BusError, match="requires a name and the reason why"):
         ask(robot, "release")
     assert ask(robot, "status")["emergency_stop"]
     ask(robot, "release", **OPERATOR)

@@ -127,7 +127,7 @@ def test_without_a_map_the_robot_waits_and_says_so():
     trial.sensing = False
     last = trial.run(3)
     assert last.orders.moving
-    assert "no scan has come yet" in last.hold
+    assert "no scan received yet" in last.hold
     trial.sensing = True
     assert trial.run(5, ended).orders.phase is Phase.FINISHED
 

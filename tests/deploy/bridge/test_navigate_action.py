@@ -95,7 +95,7 @@ def test_another_order_aborts_a_goal(pair):
     answers = client.result(goal_id)
     request(robot.node.session, "robot", "explore", 10.0)
     assert eventually(lambda: answers)
-    assert (answers[0].status, answers[0].result.error_msg) == (ABORTED, "another order came")
+    assert (answers[0].status, answers[0].result.error_msg) == (ABORTED, "another command arrived")
     first, _ = client.send(ARMS.start[0] + 30.0, ARMS.start[1])
     answers = client.result(first)
     assert client.send(ARMS.start[0] + 31.0, ARMS.start[1])[1]

@@ -236,7 +236,7 @@ def test_bad_slam_maps_leave_the_last_one_in_place():
     binary = np.minimum(slam(room(), slice(0, 60)), 1)
     robot_map.add_grid(5.0, binary, RESOLUTION, (0.0, 0.0, 0.0))
     assert robot_map.refresh().belief.known_cells == known
-    assert "publish 100 where it says 1" in robot_map.statistics.problem
+    assert "publish 100 instead of 1" in robot_map.statistics.problem
     robot_map.add_grid(9.0, np.full((40, 60), 50, dtype=np.int8), RESOLUTION, (0.0, 0.0, 0.0))
     robot_map.refresh()
     assert "grid_free" in robot_map.statistics.problem

@@ -34,7 +34,7 @@ FLAGS = [
     "--disable-sync",
 ]
 TOKEN = "let-me-command"
-WORLD = "generator:rooms?width=192&height=192"
+WORLD = "generator:office?width=192&height=192"
 PATIENCE = 120.0
 PICTURES = Path(__file__).parents[3] / "docs" / "pictures"
 BOX = "() => JSON.stringify(document.getElementById('map').getBoundingClientRect())"
@@ -126,7 +126,8 @@ def place_to_go(deployment, reader):
 
 def picture(page, name):
     if os.environ.get("HD_PAGE_PICTURES"):
-        page.wait_for_timeout(700)
+        # Notices go after five seconds.
+        page.wait_for_timeout(5500)
         page.screenshot(path=PICTURES / f"{name}.png")
 
 

@@ -70,15 +70,15 @@ def test_a_robot_is_seen_commanded_and_stopped(world):
         assert len(scene["viewpoints"]) % 3 == len(scene["edges"]) % 4 == len(scene["beacons"]) % 3 == 0
         assert len(scene["frontiers"]) >= 2
         assert {seconds > 0.0 for _, seconds in reader.series["robot/robot/decisions"][0]} == {True}
-        states = [event[1] for event in reader.series["robot/robot/events"][0]]
-        assert "running" in states
-        assert states[-1] == "paused"
+        reader.until(lambda: reader.series["robot/robot/events"][0][-1][1] == "paused")
+        assert "running" in [event[1] for event in reader.series["robot/robot/events"][0]]
         assert of(reader, "watchdog")["mode"]
 
         # A place that it knows, and where it is not.
         way = reader.series["robot/robot/way"][0]
         goal = max(way, key=lambda place: robot.pose.distance_to(tuple(place)))
-        assert reader.command("goal", "robot", x=goal[0], y=goal[1])["ok"]
+        assert reader.command("goal", "robot", x=goal[0], y=goal[1])["state"]["state"] == "paused"
+        assert reader.command("resume", "robot")["ok"]
         reader.until(lambda: robot.pose.distance_to(tuple(goal)) < 1.0, 60)
         assert not reader.command("goal", "robot", x="far", y=0.0)["ok"]
 

@@ -43,9 +43,9 @@ def test_a_sound_recording_has_no_warnings():
 
 def test_missing_topics_are_named():
     (warning,) = look(*[pose(tick * 0.1) for tick in range(30)]).warnings()
-    assert "nothing came on /scan" in warning
+    assert "no message on /scan" in warning
     assert "/odom" in warning
-    assert any("nothing came on /tf" in one for one in look(*good(), settings=config("sensing.pose=tf")).warnings())
+    assert any("no message on /tf" in one for one in look(*good(), settings=config("sensing.pose=tf")).warnings())
 
 
 def test_pauses_that_would_stop_the_robot():
@@ -74,7 +74,7 @@ def test_values_of_grids():
     assert checks.topics["/map"].notes() == (
         "5 x 2 of 0.1 m: unknown 20.0 %, free 50.0 %, occupied 10.0 %, other 20.0 %"
     )
-    assert [one for one in checks.warnings() if "20.0 % of the cells lie between" in one]
+    assert [one for one in checks.warnings() if "20.0 % of the cells are between" in one]
     assert not [one for one in checks.warnings() if "another clock" in one], "a latched map may be old"
     shares = dict(histogram(checks.topics["/map"].values))
     assert sum(shares.values()) == pytest.approx(1.0)

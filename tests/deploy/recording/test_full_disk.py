@@ -74,7 +74,7 @@ def test_an_index_without_room_leaves_the_messages(small_disk):
     bag.write(channel, serialize(words(7), STRING), 1)
     bag.flush()
     small_disk.fill()
-    with pytest.raises(RecordingError, match="What was recorded before can be read"):
+    with pytest.raises(RecordingError, match="Earlier data is readable"):
         bag.close()
     bag.close()
     assert numbers(path) == [7]

@@ -185,7 +185,7 @@ def test_what_is_no_recording_is_refused(tmp_path):
     with pytest.raises(RecordingError, match="no recording at"):
         list(read_bag(tmp_path / "nowhere"))
     (tmp_path / "text.mcap").write_text("hello, this is no recording")
-    with pytest.raises(RecordingError, match="no MCAP file"):
+    with pytest.raises(RecordingError, match="not an MCAP file"):
         list(read_bag(tmp_path / "text.mcap"))
     (tmp_path / "empty").mkdir()
     with pytest.raises(RecordingError, match="holds no .mcap and no .db3 file"):

@@ -161,7 +161,7 @@ def test_who_asks_for_more_than_is_offered_is_named(domain, caplog):
     config = robot(domain)
     with running_relay(config), dds_node("base", domain) as base:
         base.create_subscription(Twist, "/cmd_vel", lambda command: None, LATCHED)
-        assert eventually(lambda: "/cmd_vel: a subscription hears nothing" in caplog.text)
+        assert eventually(lambda: "/cmd_vel: a subscription receives nothing" in caplog.text)
 
 
 def test_names_below_a_namespace(domain):
@@ -203,7 +203,7 @@ def test_two_robots_in_one_domain_hear_their_own(domain):
 
 
 def test_a_second_relay_does_not_start(domain):
-    with running_relay(robot(domain)), pytest.raises(RosError, match="a node /hd_bridge is in DDS domain"):
+    with running_relay(robot(domain)), pytest.raises(RosError, match="already has a node /hd_bridge"):
         Relay(robot(domain))
 
 
@@ -212,12 +212,12 @@ def test_a_second_relay_of_a_robot_does_not_start_from_another_domain(domain):
     with running_relay(config):
         endpoint = config.ros.listen[0]
         other = robot(domain % 100 + 1, "ros.listen=", f"ros.connect={endpoint}")
-        with pytest.raises(RosError, match="a relay of robot 'robot' is at work"):
+        with pytest.raises(RosError, match="a relay for robot 'robot' is already running"):
             Relay(other)
 
 
 def test_a_topic_that_would_go_both_ways_is_refused(domain):
-    with pytest.raises(RosError, match=r"/goal_pose would go both ways"):
+    with pytest.raises(RosError, match=r"/goal_pose would be relayed in both directions"):
         Relay(robot(domain, "topics.goal_pose=/goal_pose", profile="nav2"))
 
 
@@ -243,7 +243,7 @@ def test_wrong_types_and_other_sources_of_velocities_are_named(domain, caplog):
 def test_what_the_bridge_needs_and_nobody_publishes_is_named(domain, caplog):
     caplog.set_level(logging.WARNING)
     with running_relay(robot(domain)):
-        assert eventually(lambda: "nobody in DDS publishes /scan" in caplog.text, 10.0)
+        assert eventually(lambda: "no publisher in DDS for /scan" in caplog.text, 10.0)
 
 
 def test_anybody_in_dds_stops_the_robot(domain):

@@ -65,7 +65,7 @@ def test_names_stand_below_the_namespace_and_are_remapped():
 
 
 def test_one_topic_of_two_types_or_ways_is_refused():
-    with pytest.raises(RosError, match="/odom would go both ways"):
+    with pytest.raises(RosError, match="/odom would be relayed in both directions"):
         routes_of(load_deploy_config(overrides=["topics.beacon=/odom"]))
     with pytest.raises(RosError, match=r"/runtime has two types, .*Bool and .*Float32"):
         routes_of(load_deploy_config(overrides=["topics.finished=/runtime"]))

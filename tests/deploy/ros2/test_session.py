@@ -105,7 +105,7 @@ def test_listening_on_the_network_without_tls_is_warned_of(files, caplog):
     open_session(RosConfig(listen=(f"tcp/0.0.0.0:{port}",), connect=(), **files("robot"))).close()
     assert "without TLS" not in caplog.text
     open_session(RosConfig(listen=(f"tcp/0.0.0.0:{port}",), connect=())).close()
-    assert f"listening on tcp/0.0.0.0:{port} without TLS: everybody who reaches this address can command" in caplog.text
+    assert f"listening on tcp/0.0.0.0:{port} without TLS: anyone who can reach this address can command" in caplog.text
 
 
 def test_missing_files_and_endpoints_are_named():

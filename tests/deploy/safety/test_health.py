@@ -38,7 +38,7 @@ def test_all_is_well():
 def test_nothing_heard_yet():
     faults = HealthMonitor(SafetyConfig(), sensor="points").check(0.0)
     assert {fault.kind for fault in faults} == {FaultKind.SENSOR_STALE, FaultKind.POSE_STALE, FaultKind.MAP_STALE}
-    assert faults[0].reason == "no points has come yet"
+    assert faults[0].reason == "no points received yet"
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def test_turning_left_and_right_on_the_spot_is_no_way():
 def test_the_fault_ends_when_the_pose_moves_by_a_command_or_for_another_try():
     watch = MotionWatch()
     _, now = drive(watch, 2.0, shows=0.0)
-    assert "the pose stands still while the robot was told to move" in watch.fault(now)
+    assert "the pose does not change while the robot was commanded to move" in watch.fault(now)
     watch.heard_pose(now, now, Pose(0.02, 0.0))
     assert watch.fault(now + 5.0)
     watch.heard_pose(now, now, Pose(0.6, 0.0))

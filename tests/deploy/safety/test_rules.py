@@ -34,7 +34,7 @@ def test_starts_with_zeros():
     decision = make().decide(0.0)
     assert decision.velocity == ZERO
     assert decision.stop == 2
-    assert "no scan has come yet" in decision.reason
+    assert "no scan received yet" in decision.reason
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from common.policies.policy import Policy
 from common.policies.policy_file import read_policy
 from common.policies.shipped import shipped_policy
 from learner.algorithm.factory import make_learner
-from learner.algorithm.teachers import ROUTE_SHARE, Teachers
+from learner.algorithm.teachers import Teachers
 from tests.transitions import random_transitions
 
 SMALL = {"width": 16, "heads": 2, "layers": 1, "features": "guided"}
@@ -53,7 +53,8 @@ def test_the_route_is_followed_where_it_begins_at_a_waypoint() -> None:
             assert not here.any()
             continue
         prior = np.exp(-np.minimum(costs[k] / 4.0, 10.0))
-        expected = (1 - ROUTE_SHARE) * prior / prior.sum() + ROUTE_SHARE * (waypoints == observation.route[0])
+        share = config.cloning.route_share
+        expected = (1 - share) * prior / prior.sum() + share * (waypoints == observation.route[0])
         np.testing.assert_allclose(here, expected, rtol=1e-5)
 
 

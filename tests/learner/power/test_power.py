@@ -16,7 +16,7 @@ def recording(tmp_path_factory):
 
 def test_a_power_failure_costs_nothing_that_was_acknowledged(recording, tmp_path):
     assert sum(operation.first.startswith(b"stored") for operation in recording[2]) == 3 * EPISODES
-    assert fail(recording, 15, seed=0, folder=tmp_path) == [set()] * 15
+    assert fail(recording, 8, seed=0, folder=tmp_path) == [set()] * 8
 
 
 @pytest.mark.slow
@@ -27,5 +27,5 @@ def test_200_power_failures_cost_nothing_that_was_acknowledged(recording, tmp_pa
 
 def test_acknowledging_from_memory_costs_some(recording, tmp_path):
     """So the failures of these tests do take what is not synced."""
-    lost = fail(recording, 10, seed=0, folder=tmp_path, word="taken")
-    assert 0 < sum(map(len, lost)) < 10 * 3 * EPISODES
+    lost = fail(recording, 5, seed=0, folder=tmp_path, word="taken")
+    assert 0 < sum(map(len, lost)) < 5 * 3 * EPISODES

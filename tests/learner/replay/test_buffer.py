@@ -175,15 +175,15 @@ def test_the_oldest_leave_first_and_limits_hold(seed, capacity, reorder):
 
 
 def test_a_buffer_bounded_by_bytes_wraps_around_without_mixing_rows():
-    large = observation_pool(seed=5, viewpoints=(600, 1200))
+    large = observation_pool(seed=5, viewpoints=(600, 1200), size=20)
     rng = np.random.default_rng(0)
     replay = ReplayBuffer(capacity=100_000, max_bytes=30_000_000)
     recent: dict[float, tuple[Observation, Observation, bool]] = {}
-    for episode in range(300):
+    for episode in range(150):
         chunks = deliver(episode_chunks(rng, large, 16, 16, End.TERMINAL, labelled=episode % 3 == 0, episode=episode))
         replay.add(chunks[0])
         assert replay.bytes <= 30_000_000
-        if episode > 100:
+        if episode > 50:
             recent |= all_transitions(chunks)
     assert 500 < len(replay) < 2000
     assert replay.fill > 0.99

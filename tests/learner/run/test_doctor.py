@@ -56,8 +56,8 @@ def test_a_sound_run_is_called_sound_and_left_alone(run):
     before = content()
     done = command(run, "--repair")
     assert done.exit_code == 0, done.output
-    assert "checkpoints: 2 sound, the newest is 000000010" in done.output
-    assert "journal: 30 sound records" not in done.output and "30 deliveries in them" in done.output
+    assert "checkpoints: 2 valid, the newest is 000000010" in done.output
+    assert "journal: 30 valid records" not in done.output and "30 deliveries in them" in done.output
     assert content() == before
 
 

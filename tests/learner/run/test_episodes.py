@@ -103,5 +103,5 @@ def test_a_file_that_lost_its_end_is_told(tmp_path, caplog):
     length = write(path, 5)
     os.truncate(path, length - 400)
     EpisodeLog(path, length).close()
-    assert "400 bytes at its end are missing" in caplog.text
+    assert "400 bytes at the end are missing" in caplog.text
     assert len(distances(path)) >= 3

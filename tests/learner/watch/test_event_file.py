@@ -75,9 +75,9 @@ def test_a_resumed_run_shows_the_points_behind_damage(tmp_path, caplog):
     with RunFolder.create(tmp_path, small_config()) as run:
         trainer, _ = make_trainer(run)
         trainer.begin()
-        for delivery in episodes(20):
+        for delivery in episodes(8):
             trainer.ingest.store(delivery)
-        train_some(trainer, 60)
+        train_some(trainer, 20)
         trainer.checkpoint()
         trainer.close()
         (file,) = run.tensorboard.glob(PATTERN)

@@ -147,5 +147,5 @@ def test_a_status_that_fails_ends_no_view(caplog):
         deadline = time.monotonic() + 10
         while "training, 54,321 steps" not in caplog.text and time.monotonic() < deadline:
             time.sleep(0.01)
-    assert "the view of the learner failed and goes on: AttributeError" in caplog.text
+    assert "the view of the learner failed and continues: AttributeError" in caplog.text
     assert "training, 54,321 steps" in caplog.text

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from common.mapping.belief import Belief
-from common.planners.exploration.clusters import cluster_labels
+from common.planners.exploration.clusters import cluster_labels, openings
 
 
 def _plain_labels(cells: list[tuple[int, int]]) -> list[set[tuple[int, int]]]:
@@ -39,3 +39,10 @@ def test_labels_part_cells_into_what_eight_neighbours_connect(chosen: set[tuple[
 def test_no_frontiers_have_no_labels() -> None:
     belief = Belief(0.25, 10.0, anchor=(0.0, 0.0), bounds=(0.0, 0.0, 3.0, 2.0))
     assert len(cluster_labels(belief, np.empty((0, 2)))) == 0
+
+
+def test_openings_are_clusters_of_some_length_on_a_hundred_square_metres() -> None:
+    sizes = np.array([3, 6, 40, 5])
+    assert openings(sizes, 0.25, 200.0) == 1.0
+    assert openings(sizes, 0.1, 200.0) == 0.5
+    assert openings(np.array([], dtype=np.int64), 0.25, 50.0) == 0.0

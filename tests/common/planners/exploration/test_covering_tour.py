@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -71,11 +73,14 @@ def test_what_waits_is_explored_in_the_end() -> None:
     spacing=st.sampled_from([2.0, 4.0]),
     detour=st.sampled_from([0.0, 2.0, 10.0]),
     min_gain=st.sampled_from([0.0, 2.0, 100.0]),
+    most_openings=st.sampled_from([0.0, 3.0, 100.0]),
 )
-def test_every_world_comes_to_an_end(seed: int, spacing: float, detour: float, min_gain: float) -> None:
+def test_every_world_comes_to_an_end(
+    seed: int, spacing: float, detour: float, min_gain: float, most_openings: float
+) -> None:
     world = make_generator("rooms", {"width": "320", "height": "240"}).world(seed, 0.25)
     config = MappingConfig(resolution=0.5, sensor_range=12.0, viewpoint_spacing=spacing, beacon_range=12.0)
-    planner = make_planner("tour", config, detour=detour, min_gain=min_gain)
+    planner = make_planner("tour", config, detour=detour, min_gain=min_gain, most_openings=most_openings)
     # Nothing is ever enough: the planner itself has to end the episode.
     episode = explore(planner, world, config, unseen_area=-1.0, max_steps=400, rays=180)
     assert episode.status is Status.COMPLETE, episode.reason
@@ -88,7 +93,18 @@ def test_decisions_depend_on_what_is_known_alone() -> None:
     assert explore(planner, HALL, CONFIG, seed=2).waypoints == first.waypoints
 
 
-@pytest.mark.parametrize("setting", ["cover_range", "min_frontier", "min_remainder", "min_gain", "detour"])
+def test_aisles_are_passed_and_not_looked_into_one_by_one() -> None:
+    world = make_generator("warehouse", {"width": "320", "height": "240"}).world(1_000_003, 0.25)
+    config = MappingConfig(resolution=0.5, robot_radius=0.25)
+    way = [
+        explore(make_planner("tour", config, most_openings=most), world, config).distance for most in (3.0, math.inf)
+    ]
+    assert way[0] < 0.9 * way[1]
+
+
+@pytest.mark.parametrize(
+    "setting", ["cover_range", "min_frontier", "min_remainder", "min_gain", "detour", "most_openings"]
+)
 @pytest.mark.parametrize("value", [-1.0, np.nan])
 def test_settings_that_do_not_work_are_refused(setting: str, value: float) -> None:
     with pytest.raises(ConfigError, match=setting):

@@ -1,4 +1,4 @@
-"""Episodes as the settings of an evaluation say."""
+"""Runs single episodes with the settings of an evaluation."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from actors.evaluation.outcome import Outcome
 from actors.evaluation.settings import EvaluationSettings
 from actors.maps.grid_map import GridMap
 from actors.simulators.base import Simulator
-from actors.simulators.factory import make_simulator
 from actors.tasks import make_goal
 from common.config import RewardConfig
 from common.planners.base import mapping_for
@@ -20,7 +19,7 @@ class EpisodeRunner:
 
     Usage::
 
-        runner = make_runner(settings)
+        runner = EpisodeRunner(settings, make_simulator(settings.simulator, settings.mapping.sensor_range))
         outcome = runner.run(planner, world, seed=3)
         runner.close()
     """
@@ -70,12 +69,3 @@ class EpisodeRunner:
     ) -> Outcome:
         limit = self._settings.time_limit if steps is None else float("inf")
         return run_episode(environment, planner, world, seed=seed, time_limit=limit, tell=tell)
-
-
-def make_runner(settings: EvaluationSettings) -> EpisodeRunner:
-    """Return what runs the episodes of an evaluation; PyBullet is loaded only where it is used."""
-    if settings.large:
-        from actors.evaluation.large.episode import LargeEpisodeRunner
-
-        return LargeEpisodeRunner(settings)
-    return EpisodeRunner(settings, make_simulator(settings.simulator, settings.mapping.sensor_range))

@@ -1,0 +1,161 @@
+"""One learner with many light senders: who is heard, how soon, and what the learner needs for it.
+
+`python -m benchmarks.crowd [--senders 1000] [--processes 8] [--seconds 150] [--rate 0.1]`: real deliveries of an
+episode's report each, `rate` a second and sender, to a real learner (`hd-learner start`, a small network). Prints the
+share of messages that were acknowledged, the fewest and the most of one sender, the median and the 99th percentile of
+the time to an acknowledgement, the learner's memory and how long it took to answer `status`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import psutil
+import zenoh
+
+from common.bus.keys import Keys
+from common.bus.session import new_incarnation, open_client_session
+from common.bus.spec import fetch_spec
+from common.config import BusConfig
+from common.messages.experience import Delivery
+from common.messages.replies import Ack
+from common.messages.schema import decode, encode
+from common.system.runtime import process_environment, python_module
+from tests.learner.experience import episode_report
+from tests.rigs.learner import Learner
+
+RUN = "test"
+ANSWER_SECONDS = 30.0
+START_SECONDS = 180.0
+
+
+@dataclass(slots=True)
+class Heard:
+    """What became of the messages of one process.
+
+    Attributes:
+        sent: messages of each sender.
+        acknowledged: of those, by sender.
+        waits: seconds to each acknowledgement.
+    """
+
+    sent: list[int]
+    acknowledged: list[int]
+    waits: list[float] = field(default_factory=list)
+
+
+def send(endpoint: str, name: str, senders: int, seconds: float, rate: float) -> Heard:
+    """Be so many senders, each with messages at random moments, for so long."""
+    heard = Heard([0] * senders, [0] * senders)
+    lock, keys, chance = threading.Lock(), Keys(RUN), random.Random(name)
+    incarnation = new_incarnation()
+    due = sorted((chance.expovariate(rate), number) for number in range(senders))
+    with open_client_session(BusConfig(), [endpoint]) as session:
+        fetch_spec(session, RUN, START_SECONDS)
+        began = time.monotonic()
+        while due and due[0][0] < seconds:
+            at, number = due.pop(0)
+            time.sleep(max(0.0, began + at - time.monotonic()))
+            _deliver(session, keys, f"{name}-{number}", number, incarnation, heard, lock)
+            due.append((at + chance.expovariate(rate), number))
+            due.sort()
+        end = time.monotonic() + ANSWER_SECONDS
+        while sum(heard.acknowledged) < sum(heard.sent) and time.monotonic() < end:
+            time.sleep(0.05)
+    return heard
+
+
+def _deliver(
+    session: zenoh.Session, keys: Keys, actor: str, number: int, incarnation: int, heard: Heard, lock: threading.Lock
+) -> None:
+    asked = time.monotonic()
+
+    def answered(reply: zenoh.Reply) -> None:
+        if reply.ok is not None and decode(reply.ok.payload.to_bytes(), Ack).stored:
+            with lock:
+                heard.acknowledged[number] += 1
+                heard.waits.append(time.monotonic() - asked)
+
+    message = encode(Delivery(actor, incarnation, heard.sent[number], episode_report()))
+    heard.sent[number] += 1
+    handler = zenoh.handlers.Callback(answered, lambda: None, indirect=False)
+    session.get(keys.experience(actor), handler, payload=message, timeout=ANSWER_SECONDS)
+
+
+def run(senders: int = 1000, processes: int = 8, seconds: float = 150.0, rate: float = 0.1) -> dict[str, float]:
+    """Let the crowd deliver; return what came of it."""
+    with tempfile.TemporaryDirectory() as folder:
+        learner = Learner(Path(folder))
+        learner.launch("start")
+        try:
+            with open_client_session(BusConfig(), [learner.endpoint]) as session:
+                fetch_spec(session, RUN, START_SECONDS)
+            assert learner.process is not None
+            memory = psutil.Process(learner.process.pid).memory_info().rss
+            orders = [learner.endpoint, str(senders // processes), str(seconds), str(rate)]
+            crowd = [
+                subprocess.Popen(
+                    [*python_module("benchmarks.crowd", "--be", f"crowd{number}"), "--orders", *orders],
+                    env=process_environment(threads=1),
+                    stdout=subprocess.PIPE,
+                    text=True,
+                )
+                for number in range(processes)
+            ]
+            time.sleep(seconds / 2)
+            asked = time.monotonic()
+            learner.status()
+            status_seconds = time.monotonic() - asked
+            outputs = [json.loads(process.communicate(timeout=seconds + START_SECONDS)[0]) for process in crowd]
+            grown = psutil.Process(learner.process.pid).memory_info().rss - memory
+        finally:
+            learner.end()
+    waits = np.array([wait for each in outputs for wait in each["waits"]])
+    acknowledged = [number for each in outputs for number in each["acknowledged"]]
+    sent = [number for each in outputs for number in each["sent"]]
+    shares = [a / s for a, s in zip(acknowledged, sent, strict=True) if s]
+    return {
+        "crowd/messages": float(sum(sent)),
+        "crowd/messages_per_second": sum(sent) / seconds,
+        "crowd/acknowledged_share": sum(acknowledged) / max(sum(sent), 1),
+        "crowd/least_share_of_a_sender": min(shares),
+        "crowd/acknowledgement_median_ms": 1e3 * float(np.median(waits)),
+        "crowd/acknowledgement_p99_ms": 1e3 * float(np.quantile(waits, 0.99)),
+        "crowd/acknowledgement_longest_ms": 1e3 * float(waits.max()),
+        "crowd/learner_first_megabytes": memory / 1e6,
+        "crowd/learner_grown_megabytes": grown / 1e6,
+        "crowd/status_seconds": status_seconds,
+    }
+
+
+def main() -> None:
+    """Measure, or be one process of the crowd."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--senders", type=int, default=1000)
+    parser.add_argument("--processes", type=int, default=8)
+    parser.add_argument("--seconds", type=float, default=150.0)
+    parser.add_argument("--rate", type=float, default=0.1)
+    parser.add_argument("--be", help=argparse.SUPPRESS)
+    parser.add_argument("--orders", nargs=4, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.be:
+        endpoint, senders, seconds, rate = given.orders
+        heard = send(endpoint, given.be, int(senders), float(seconds), float(rate))
+        json.dump({"sent": heard.sent, "acknowledged": heard.acknowledged, "waits": heard.waits}, sys.stdout)
+        return
+    for name, value in run(given.senders, given.processes, given.seconds, given.rate).items():
+        print(f"{name:45s} {value:12.3f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,182 @@
+"""The commands of `hd-deploy` that reach robots over their network: `command` and `topics`."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import Annotated
+
+import typer
+import zenoh
+
+from common.bus.control import request
+from common.bus.fleet import Answers, bridges_at, command_all
+from common.cli import command_errors, output_console, whole_table
+from common.errors import BusError
+from deploy.bridge.command_text import CommandError, parse, release_of
+from deploy.cli_options import ConfigFile, Connect, Overrides, Profile, RobotName, load_options
+from deploy.config import DeployConfig
+
+# Seconds in which a bridge shows up that is there.
+_LOOK = 2.0
+
+
+def add_network_commands(app: typer.Typer) -> None:
+    """Add command and topics to the command line."""
+    app.command(context_settings={"ignore_unknown_options": True})(command)
+    app.command()(topics)
+
+
+@command_errors
+def command(
+    words: Annotated[
+        list[str],
+        typer.Argument(
+            help="start, pause, resume, abort, return-home, reset, goal X Y, explore, stop (emergency stop), release, "
+            "status.",
+            metavar="COMMAND...",
+        ),
+    ],
+    name: RobotName = None,
+    connect: Connect = None,
+    profile: Profile = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    who: Annotated[str | None, typer.Option("--who", help="Who releases the emergency stop.", metavar="NAME")] = None,
+    why: Annotated[str | None, typer.Option("--why", help="Why it is safe to release it.", metavar="REASON")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the whole status as JSON.")] = False,
+    timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds to wait for the robot.")] = 5.0,
+) -> None:
+    """Send a command to a running bridge, and print its acknowledgement or its reason to refuse.
+
+    Examples:
+    - `hd-deploy command start`
+
+    - `hd-deploy command stop` stops every robot on the network, and fails unless each one confirms it
+
+    - `hd-deploy command release --who anna --why "the hall is empty"`; the robot stands until the next `start`
+
+    - `hd-deploy command goal 12.5 -3`; a robot that explores goes there, and on with `hd-deploy command explore`
+
+    - `hd-deploy command status --json | jq .explored_area`
+    """
+    verb, arguments = parse(" ".join(words))
+    if verb == "release":
+        arguments = {"who": who or "", "why": why or ""}
+        release_of(arguments)
+    elif who or why:
+        raise CommandError(f"--who and --why are for `release`, not for {verb!r}")
+    from deploy.ros2.session import guest_of, open_session
+
+    resolved = load_options(profile, config, overrides, connect, name)
+    where = ", ".join(guest_of(resolved.ros).connect)
+    with open_session(guest_of(resolved.ros)) as session:
+        if verb == "stop":
+            # Without a name, a stop is meant for every robot on the network.
+            answers = command_all(session, resolved.name if resolved.named else None, verb, timeout, arguments)
+        else:
+            _check_unique(session, resolved.name, min(timeout, _LOOK))
+            try:
+                status = request(session, resolved.name, verb, timeout, arguments, asked="robot")
+            except BusError as error:
+                raise BusError(f"{error} (asked at {where})") from None
+            answers = Answers({(resolved.name, ""): status})
+    states = list(answers.states.values())
+    if as_json:
+        typer.echo(json.dumps(states[0] if len(states) == 1 else states, indent=2))
+    elif verb == "status":
+        _show(states[0])
+    else:
+        for (robot_name, _), state in sorted(answers.states.items()):
+            typer.echo(f"{robot_name}: {state['state']}: {state['reason']}")
+    _check_complete(answers, resolved, where, timeout)
+
+
+@command_errors
+def topics(
+    connect: Connect = None,
+    profile: Profile = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    wait: Annotated[float, typer.Option("--wait", min=0.1, help="Seconds to listen.")] = 1.5,
+) -> None:
+    """List the nodes and topics on the robot's network, and which ones the bridge still needs.
+
+    Example: `hd-deploy topics --profile cmu --connect tcp/192.168.1.5:7447`
+    """
+    from deploy.ros2.graph import watch
+    from deploy.ros2.session import guest_of
+
+    resolved = load_options(profile, config, overrides, connect)
+    graph = watch(guest_of(resolved.ros), wait)
+    console = output_console()
+    if not graph.nodes and not graph.endpoints:
+        raise BusError(
+            f"no ROS 2 node found at {', '.join(guest_of(resolved.ros).connect)}: check the endpoint, ros.domain "
+            f"({resolved.ros.domain}) and that the robot's RMW is rmw_zenoh, or a zenoh-bridge-ros2dds runs"
+        )
+    console.print(f"nodes: {', '.join(node.name for node in graph.nodes) or 'none'}")
+    table = whole_table("topic", "type", "publishers", "subscriptions")
+    found = graph.topics()
+    for topic, endpoints in found.items():
+        by_role = {
+            role: ", ".join(sorted({each.node for each in endpoints if each.role == role}))
+            for role in ("publisher", "subscription")
+        }
+        kinds = ", ".join(sorted({each.kind for each in endpoints}))
+        table.add_row(topic, kinds, by_role["publisher"], by_role["subscription"])
+    console.print(table)
+    published = {topic for topic, endpoints in found.items() if any(each.role == "publisher" for each in endpoints)}
+    missing = [topic for topic in _needed(resolved) if topic not in published]
+    if missing:
+        console.print(f"not published, but needed by the bridge: {', '.join(missing)}", style="yellow")
+
+
+def _check_unique(session: zenoh.Session, name: str, patience: float) -> None:
+    """Refuse to command one of several bridges with the same name: it would be ambiguous."""
+    until = time.monotonic() + patience
+    while not bridges_at(session, name) and time.monotonic() < until:
+        time.sleep(0.05)
+    # Peers find each other one after the other.
+    time.sleep(0.2)
+    others = bridges_at(session, name)
+    if len(others) > 1:
+        raise BusError(
+            f"{len(others)} bridges on this network have the name {name!r}, so it is ambiguous which one would obey: "
+            "`hd-deploy command stop` stops them all; start each with a unique name"
+        )
+
+
+def _check_complete(answers: Answers, config: DeployConfig, where: str, timeout: float) -> None:
+    """Fail unless every bridge that was there has obeyed."""
+    wrong = list(answers.refusals)
+    wrong += [
+        f"robot {name!r} did not answer within {timeout:g} s (instance {instance}): it may still be moving"
+        for name, instance in sorted(answers.missing)
+    ]
+    if not answers.states and not wrong:
+        who = f"no robot {config.name!r}" if config.named else "no robot"
+        wrong.append(
+            f"{who} answered within {timeout:g} s: check that it runs and that the endpoint is right (asked at {where})"
+        )
+    if wrong:
+        raise BusError("; ".join(wrong))
+
+
+def _needed(config: DeployConfig) -> list[str]:
+    from deploy.ros2.names import namespace, topic_name
+
+    topics, sensing = config.topics, config.sensing
+    source = {"scan": topics.scan, "points": topics.points, "grid": topics.map}[sensing.source]
+    pose = topics.odometry if sensing.pose == "odometry" else topics.tf
+    within = namespace(config.ros.namespace)
+    return [topic_name(topic, within, topics.remap) for topic in (source, pose)]
+
+
+def _show(status: dict[str, object]) -> None:
+    table = whole_table("", "", show_header=False, box=None)
+    for key, value in status.items():
+        if value not in (None, "", {}, []):
+            text = json.dumps(value, ensure_ascii=False) if isinstance(value, dict | list) else str(value)
+            table.add_row(key.replace("_", " "), text)
+    output_console().print(table)
