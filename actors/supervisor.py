@@ -152,12 +152,9 @@ class Supervisor:
             why,
         )
         # It tells the learner about its predecessor, which cannot any more.
-        child.options = child.options.model_copy(
-            update={
-                "restarts": child.options.restarts + 1,
-                "last_error": f"{how}: {_LOG_HEAD.sub('', why)}"[:_LONGEST_ERROR],
-            }
-        )
+        told = f"{how}: {_LOG_HEAD.sub('', why)}"[:_LONGEST_ERROR]
+        again = {"restarts": child.options.restarts + 1, "last_error": told}
+        child.options = child.options.model_copy(update=again)
         return False
 
     def _stop_all(self) -> None:

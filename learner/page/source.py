@@ -35,8 +35,7 @@ _TRAIN: Final = ("train", "evaluate")
 class Training(Source):
     """One run: its learner is asked once a second, its actors' episodes are looked at while a browser does.
 
-    Channels: ``run``, ``status``, ``actors``, ``curve-tags``, ``curve-points``, ``evaluations``, ``actor/NAME/...``,
-    ``world/N/...``.
+    Its channels are in docs/page.md.
     """
 
     verbs = ("pause", "resume", "checkpoint", "stop")

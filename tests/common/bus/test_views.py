@@ -18,22 +18,22 @@ def sessions():
         yield actor, lambda: open_viewer_session(bus)
 
 
-def test_an_actor_knows_whether_somebody_looks_and_is_seen_by_them(sessions):
+def test_an_evaluator_knows_whether_somebody_looks_and_is_seen_by_them(sessions):
     actor, page = sessions
-    with ViewPublisher(actor, "run", "actor", "desk-0") as publisher:
+    with ViewPublisher(actor, "run", "evaluator", "desk-0") as publisher:
         assert not publisher.looked_at
         with ViewWatcher(page(), "run") as watcher:
             assert eventually(lambda: publisher.outcomes_wanted)
             assert not publisher.looked_at
-            watcher.look_at({("actor", "desk-1")})
-            watcher.look_at({("actor", "desk-0")})
+            watcher.look_at({("evaluator", "desk-1")})
+            watcher.look_at({("evaluator", "desk-0")})
             assert eventually(lambda: publisher.looked_at)
             sent = [samples.view(RNG) for _ in range(3)]
             for view in sent:
                 publisher.send(view)
             publisher.send(sent[0], outcome=True)
             seen = {}
-            assert eventually(lambda: seen.update(watcher.views()) or equal(seen.get(("actor", "desk-0")), sent[2]))
+            assert eventually(lambda: seen.update(watcher.views()) or equal(seen.get(("evaluator", "desk-0")), sent[2]))
             ended = []
             assert eventually(lambda: ended.extend(watcher.outcomes()) or len(ended) == 1)
             assert equal(ended[0], sent[0])
