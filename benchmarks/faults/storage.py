@@ -33,7 +33,7 @@ def full(rig: Rig, seconds: float) -> Row:
         deadline = since + 10.0
         while rig.status()["state"] == "disk full" and time.monotonic() < deadline:
             time.sleep(0.1)
-    holds, rooms = said[0].count("The learner holds"), said[0].count("there is space on the disk again")
+    holds, rooms = said[0].count("The learner pauses"), said[0].count("there is space on the disk again")
     seen = f"state '{state}', said {holds} times, {len(said[0]):,} characters of log"
     problem = "" if (state, holds, rooms) == ("disk full", 1, 1) else f"said {holds} and {rooms} times"
     return judged(rig, fault, expected, seen, said[0], resumes, problem)

@@ -19,7 +19,7 @@ from common.bus.gate import LISTENERS, Gate
 from common.bus.tls import access_settings, tls_settings
 from common.config import BusConfig
 from common.errors import BusError
-from common.messages.schema import MAX_WEIGHTS
+from common.messages.weights import MAX_WEIGHTS
 from common.system.runtime import allow_files
 
 log = logging.getLogger(__name__)

@@ -13,8 +13,8 @@ import zenoh
 from common.bus.keys import Keys
 from common.bus.query import QueryServer, ask
 from common.errors import MessageError
-from common.messages.schema import MAX_WEIGHTS, decode, encode
-from common.messages.weights import Weights, WeightsNotice
+from common.messages.schema import decode, encode
+from common.messages.weights import MAX_WEIGHTS, Weights, WeightsNotice
 from common.system.closing import Closing
 from common.system.threads import Complaints, guarded
 

@@ -16,7 +16,7 @@ from common.messages.fields import Fields
 from common.messages.replies import ALL_VERBS, PROTOCOL_VERSION, Ack, ControlReply, ControlRequest, Spec
 from common.messages.stats import ActorStats, LearnerStats
 from common.messages.view import EpisodeView, read_view, view_fields
-from common.messages.weights import FLOATS, Weights, WeightsNotice
+from common.messages.weights import FLOATS, MAX_WEIGHTS, Weights, WeightsNotice
 from common.system.printable import printable, printable_tree
 
 T = TypeVar("T")
@@ -24,7 +24,6 @@ U = TypeVar("U")
 
 MAX_SMALL = 1 << 20
 MAX_DELIVERY = 1 << 26
-MAX_WEIGHTS = 1 << 28
 MAX_HOLD = 60.0
 MAX_PID = 2**32
 MAX_RATE = 1e6

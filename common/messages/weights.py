@@ -16,6 +16,8 @@ from common.messages.codec import pack_array
 FLOATS = ("float16", "float32", "float64")
 MAX_WEIGHT = 65504.0
 """Largest magnitude of a weight, that of float16: far beyond what training reaches."""
+MAX_WEIGHTS = 1 << 28
+"""Bytes that the weights of a policy may have."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,13 +41,17 @@ class Depth:
 
     Args:
         config: the mapping of the episode.
-        known_scale: whether cells and spacing are those of the policy's training; otherwise it is never in its depth.
+        known_scale: whether cells and spacing are near those of the policy's training; otherwise it is never in its
+            depth.
+        same_spacing: whether the spacing is just that of the training. With another one, block maps hold as many
+            viewpoints a square as forests, and the policy decides in the open.
     """
 
-    def __init__(self, config: MappingConfig, *, known_scale: bool = True) -> None:
+    def __init__(self, config: MappingConfig, *, known_scale: bool = True, same_spacing: bool = True) -> None:
         self._square = config.viewpoint_spacing**2
         self._disc = math.pi * config.sensor_range**2
         self._resolution = config.resolution
+        self._same_spacing = same_spacing
         self._decisions = 0
         self._open = False
         self._judged = self._out_of_depth = not known_scale
@@ -70,7 +74,8 @@ class Depth:
             self._open = shown + FRONTIER_WEIGHT * frontier / math.sqrt(area) >= OPEN
             self._out_of_depth = shown < LEAST_SHOWN
         whole = len(mapper.viewpoints) * self._square <= MOST_VIEWPOINTS * area
-        self._out_of_depth = self._out_of_depth or not whole or cycles > MOST_CYCLES
+        familiar = whole or (self._open and not self._same_spacing)
+        self._out_of_depth = self._out_of_depth or not familiar or cycles > MOST_CYCLES
         if not self._out_of_depth:
             return Decider.POLICY
         return Decider.IN_THE_OPEN if self._open else Decider.REFERENCE

@@ -166,7 +166,11 @@ class LearnedPlanner:
             reference.reset(task, target)
             self._reference = reference
         elif self._guards(self.card):
-            self._depth = Depth(self._config, known_scale=not self._leaves_all(self.card))
+            self._depth = Depth(
+                self._config,
+                known_scale=not self._leaves_all(self.card),
+                same_spacing=self._config.viewpoint_spacing == self.card.mapping.viewpoint_spacing,
+            )
             kind = find_task(task)
             for decider in (Decider.REFERENCE, Decider.IN_THE_OPEN):
                 name = getattr(kind, decider.value)

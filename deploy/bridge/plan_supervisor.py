@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from math import hypot, inf
 from typing import Final
@@ -98,10 +99,8 @@ class PlanSupervisor:
         waits = self._wait_for_bans(now)
         if waits is not None:
             return waits
-        left = [mapper.position(int(node)) for node in useful_nodes(mapper, self.target)]
-        if any(map(self._fence.contains, left)):
-            why = "could not be reached"
-        else:
+        why = "could not be reached"
+        if self._only_outside(mapper):
             why = "is outside the geofence, or an earlier visit revealed nothing"
         return Plan(Status.UNREACHABLE, reason=f"everything that is left {why}")
 
@@ -119,7 +118,14 @@ class PlanSupervisor:
             found = self.around(mapper, place, now)
             if found.status is not Status.UNREACHABLE:
                 return found
+            if self._only_outside(mapper):
+                plan = replace(plan, reason=found.reason)
         return self._to_edge(mapper, place, now, inf) or plan
+
+    def _only_outside(self, mapper: Mapper) -> bool:
+        """Whether nothing that is left to look at lies inside the geofence."""
+        left = [mapper.position(int(node)) for node in useful_nodes(mapper, self.target)]
+        return not any(map(self._fence.contains, left))
 
     def look_around(self, mapper: Mapper, place: Pose, now: float) -> Plan | None:
         """On a second visit to a viewpoint, go to the edge of a frontier near by that it sees and does not resolve.

@@ -28,12 +28,12 @@ def start_page(settings: PageSettings, config: RunConfig, folder: Path) -> PageP
     Raises:
         PageError: it does not start.
     """
-    request = {"bus": config.bus.model_dump_json(), "run": config.name, "folder": str(folder.resolve())}
+    request = {"bus": config.bus.model_dump(mode="json"), "run": config.name, "folder": str(folder.resolve())}
     return PageProcess(__name__, settings, request)
 
 
 def _make(request: Mapping[str, Any]) -> tuple[Site, Training]:
-    bus = BusConfig.model_validate_json(request["bus"])
+    bus = BusConfig.model_validate(request["bus"])
     return SITE, Training(bus, [local_endpoint(bus.listen)], request["run"], Path(request["folder"]))
 
 

@@ -38,7 +38,7 @@ def test_a_regular_polygon_lies_between_its_circles(count, radius, turn, directi
     [
         ("[[1, 0], [0, 1]]", "at least 3 corners"),
         ("[[1, 0], [0, 1], [-1, 0], [0, 0.2], [0, -1]]", "convex"),
-        ("[[1, 1], [2, 1], [2, 2]]", "around"),
+        ("[[1, 1], [2, 1], [2, 2]]", "must contain"),
         ("[[1, 0], [1, 0], [0, 1], [-1, -1]]", "the same"),
     ],
 )

@@ -73,7 +73,7 @@ def test_a_learner_holds_and_goes_on(small_disk, caplog):
             held = trainer.limiter.updates
             time.sleep(0.5)
             assert trainer.limiter.updates <= held + 1
-            assert caplog.text.count("The learner holds") == 1
+            assert caplog.text.count("The learner pauses") == 1
             small_disk.empty()
             until(lambda: trainer.state != "disk full")
             assert caplog.text.count("there is space on the disk again") == 1
@@ -119,7 +119,7 @@ def test_a_checkpoint_without_room_leaves_the_one_before(small_disk, caplog):
         trainer._checkpointer.schedule.request()
         for _ in range(5):
             trainer.serve()
-        assert caplog.text.count("The learner holds") == 1
+        assert caplog.text.count("The learner pauses") == 1
         small_disk.empty()
         until(lambda: (trainer.serve(), trainer.checkpoints.names()[-1] == "000000008")[1])
         trainer.close()
@@ -144,7 +144,7 @@ def test_a_first_checkpoint_waits_for_room(small_disk, caplog):
         until(lambda: trainer.disk.full)
         time.sleep(0.3)
         assert beginning.is_alive()
-        assert caplog.text.count("The learner holds") == 1
+        assert caplog.text.count("The learner pauses") == 1
         small_disk.empty()
         beginning.join(20.0)
         assert trainer.checkpoints.names() == ["000000000"]
@@ -225,7 +225,7 @@ def test_a_running_learner_holds_its_actors_and_loses_nothing(small_disk):
     finally:
         learner.end()
     log = learner.log.read_text()
-    assert "Traceback" not in log and log.count("The learner holds") == log.count("there is space on the disk again")
+    assert "Traceback" not in log and log.count("The learner pauses") == log.count("there is space on the disk again")
     assert len(log) < 20_000
 
 

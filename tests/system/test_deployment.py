@@ -46,9 +46,7 @@ def run(tmp_path, task, world, profile, layout, seed, limit, planner="hdplanner"
 
 @pytest.mark.timeout(300)
 def test_a_small_world_is_explored(tmp_path):
-    verdict = run(
-        tmp_path, "exploration", SMALL, "bare", "rmw_zenoh", 0, 120.0, metres_per_pixel=0.09375, speed_factor=2.0
-    )
+    verdict = run(tmp_path, "exploration", SMALL, "bare", "rmw_zenoh", 0, 120.0, metres_per_pixel=0.09375)
     assert verdict.distance > 1.0
     assert verdict.seconds < 90.0
 
@@ -57,7 +55,6 @@ def test_a_small_world_is_explored(tmp_path):
 def test_a_demo_in_a_floor_plan_crosses_a_door_of_90_cm(tmp_path):
     world = write_image(two_rooms(), tmp_path / "plan.png")
     command = ["demo", "--map", world, "--planner", "nearest", "--folder", str(tmp_path), "--video", "demo.gif"]
-    command += ["--speed-factor", "2"]
     result = CliRunner().invoke(app, command)
     assert result.exit_code == 0, result.output
     verdict = json.loads((tmp_path / "verdict.json").read_text("utf-8"))

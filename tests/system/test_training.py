@@ -138,7 +138,7 @@ def test_training_survives_the_death_of_an_actor_and_of_the_learner(system):
         lambda s: (
             s["steps"] >= STEPS
             and len(alive(s)) == 2
-            and all(actor["version"] > versions[name] for name, actor in alive(s).items())
+            and all(actor["steps"] and actor["version"] > versions[name] for name, actor in alive(s).items())
         ),
         150,
     )

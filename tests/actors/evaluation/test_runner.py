@@ -49,7 +49,7 @@ def test_a_finished_run_does_nothing_again(done):
 
 def test_other_settings_do_not_mix(done):
     out, _, _ = done
-    with pytest.raises(ResultsError, match="seed: 0 there, 1 now"):
+    with pytest.raises(ResultsError, match="seed: 0 in the results, 1 now"):
         Evaluation(settings(seed=1), ["greedy"], out)
 
 

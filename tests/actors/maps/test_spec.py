@@ -75,7 +75,7 @@ def test_places_go_to_one_file(folder: Path) -> None:
         (["a.png", "b.png"], "--start expect one map file, got a.png, b.png"),
         (["generator:rooms"], "--start expect one map file, got generator:rooms"),
         ([str(folder)], "--start expect one map file, got the folder"),
-        (["a.png?start=1,2"], "says its own start: leave out --start"),
+        (["a.png?start=1,2"], "specifies start itself: leave out one of the two"),
     ):
         with pytest.raises(MapError, match=message):
             with_places(specs, (1.0, 2.0), None)

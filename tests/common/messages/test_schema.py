@@ -95,7 +95,12 @@ def test_one_of_two_expected_kinds_may_come():
 @pytest.mark.parametrize("message", [*samples.small_messages(), samples.weights()], ids=lambda m: type(m).__name__)
 def test_every_field_is_required_and_no_other_is_allowed(message):
     expected = type(message)
+    # What an earlier release of the same protocol does not send.
+    optional = {"restarts": 0, "last_error": ""} if expected is ActorStats else {}
     for name in unpack(encode(message)):
+        if name in optional:
+            assert getattr(decode(change(message, name, ...), expected), name) == optional[name]
+            continue
         with pytest.raises(MessageError) as caught:
             decode(change(message, name, ...), expected)
         assert caught.value.field.endswith(f".{name}")

@@ -21,6 +21,14 @@ TOKEN = "let-me-command"
 MODULE = "tests.common.page.clock"
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _importable():
+    """Let the page's process, which does not look into the working folder, find the clock."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(Path(__file__).parents[3]), prepend=os.pathsep)
+        yield
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")

@@ -87,7 +87,7 @@ def test_a_robot_is_seen_commanded_and_stopped(world):
         reader.until(lambda: of(reader, "status")["emergency_stop"])
         refused = reader.command("start", "robot")
         assert "release it first" in refused["error"]
-        assert "who they are" in reader.command("release", "robot")["error"]
+        assert "a name and the reason" in reader.command("release", "robot")["error"]
         assert reader.command("release", "robot", **OPERATOR)["ok"]
         reader.until(lambda: not of(reader, "status")["emergency_stop"])
         assert "for one robot" in reader.command("pause")["error"]

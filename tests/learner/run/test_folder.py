@@ -95,7 +95,7 @@ def test_the_lock_dies_with_its_process(tmp_path):
 
 
 def test_an_unknown_run_names_those_that_exist(tmp_path):
-    with pytest.raises(CheckpointError, match="no run 'b'.*there is none yet"):
+    with pytest.raises(CheckpointError, match="there is no run 'b'.*there are none yet"):
         RunFolder.open(tmp_path, "b")
     RunFolder.create(tmp_path, RunConfig(name="a")).close()
     with pytest.raises(CheckpointError, match="no run 'b'.*there are: a"):

@@ -202,7 +202,7 @@ def test_damage_while_the_journal_is_open_is_named(tmp_path):
         content = bytearray(path.read_bytes())
         content[20] ^= 1
         path.write_bytes(content)
-        with pytest.raises(CheckpointError, match=rf"{path.name} has been damaged at byte 0.*start again"):
+        with pytest.raises(CheckpointError, match=rf"{path.name} has been damaged at byte 0.*restart to repair it"):
             payloads(journal)
 
 
@@ -288,7 +288,7 @@ def test_what_a_disk_lost_in_a_sync_is_written_again(tmp_path, syncs, caplog):
         assert not journal.unsynced
     with Journal(tmp_path) as journal:
         assert payloads(journal) == [b"safe", b"first", b"second"]
-    assert caplog.text.count("The learner holds") == 1
+    assert caplog.text.count("The learner pauses") == 1
 
 
 def test_a_journal_that_cannot_sync_bounds_what_waits(tmp_path, syncs, monkeypatch):

@@ -16,7 +16,7 @@ CLUSTER = Path(__file__).parents[3] / "deploy" / "cluster"
 
 
 def actor(name: str, role: str = "actor", alive: bool = True) -> ActorStatus:
-    return ActorStatus(name, role, alive, "desk", 10.0, 100, 2, 3, 1, 0.5, 4, 0.1, "acting")
+    return ActorStatus(name, role, alive, "desk", 10.0, 100, 2, 3, 1, 0.5, 4, 0.1, "acting", 0, "")
 
 
 def status(**changes) -> LearnerStatus:
