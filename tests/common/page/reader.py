@@ -42,6 +42,9 @@ class Grid:
     def cells(self, shape, origin):
         """Return the cells of a box: its shape and the lower left corner of its first cell, metres."""
         rows, columns = shape
+        if not self.tiles:
+            # Of a grid in which nothing is known nothing is sent.
+            return np.full(shape, -1, np.int8)
         first = [round((a - b) / self.resolution) for a, b in zip(origin, self.anchor, strict=True)]
         found = np.full(shape, -1, np.int8)
         for (row, column), tile in self.tiles.items():
