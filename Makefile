@@ -15,7 +15,7 @@ JSON ?= build/bench.json
 PARALLEL := -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help install run demo check test test-twice test-all test-page test-ros lint types format docs bench bench-compare soak faults fuzz clean
+.PHONY: help install run demo check test test-twice test-all test-page ros-environment test-ros lint types format docs bench bench-compare soak faults fuzz clean
 
 help:  ## show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -59,15 +59,16 @@ test-all: $(STAMP)  ## the whole test suite, but for the tests that need a brows
 test-page: $(STAMP)  ## the pages in headless Chromium (apt-get install chromium): a simulated robot and a training, real processes
 	$(BIN)/python -m pytest -n 0 -m page
 
-test-ros: $(STAMP)  ## the relay against real ROS 2 (rclpy, Fast DDS); skipped with a message where there are no wheels
+ros-environment: $(STAMP)
 	@if [ $(ROS_STAMP) -ot pyproject.toml ] || [ $(ROS_STAMP) -ot constraints.txt ]; then \
-		scripts/ros_environment.sh $(PYTHON) $(VENV) $(ROS_VENV) && touch $(ROS_STAMP) || status=$$?; \
-		if [ "$$status" = 3 ]; then \
-			echo "test-ros: SKIPPED, the package registry has no ROS 2 for this Python and platform"; exit 0; \
-		fi; \
-		[ -z "$$status" ] || exit $$status; \
-	fi; \
-	$(ROS_VENV)/bin/python -m pytest -n 0 -m 'not slow' tests/deploy/relay
+		status=0; scripts/ros_environment.sh $(PYTHON) $(VENV) $(ROS_VENV) || status=$$?; \
+		if [ "$$status" = 3 ]; then rm -rf $(ROS_VENV); exit 0; fi; \
+		[ "$$status" = 0 ] && touch $(ROS_STAMP); \
+	fi
+
+test-ros: ros-environment  ## the relay against real ROS 2 (rclpy, Fast DDS); skipped with a message where there are no wheels
+	@if [ -e $(ROS_STAMP) ]; then $(ROS_VENV)/bin/python -m pytest -n 0 -m 'not slow' tests/deploy/relay; \
+	else echo "test-ros: SKIPPED, the package registry has no ROS 2 for this Python and platform"; fi
 
 lint: $(STAMP)  ## style, format, spelling, docstrings against signatures
 	$(BIN)/ruff check .

@@ -10,7 +10,13 @@ import torch
 from benchmarks.__main__ import PARTS
 from tests.actors.maps.images import paint
 
-SHORT = [name for name, part in PARTS.items() if part.short is not None]
+# The learners that this one starts take half a minute, however little they do.
+SLOW = {"acknowledgement"}
+SHORT = [
+    pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else [])
+    for name, part in PARTS.items()
+    if part.short is not None
+]
 
 
 @pytest.fixture(autouse=True)

@@ -44,6 +44,7 @@ def run(tmp_path, task, world, profile, layout, seed, limit, planner="hdplanner"
     return verdict
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_a_small_world_is_explored(tmp_path):
     verdict = run(tmp_path, "exploration", SMALL, "bare", "rmw_zenoh", 0, 120.0, metres_per_pixel=0.09375)

@@ -123,7 +123,12 @@ def test_training_survives_the_death_of_an_actor_and_of_the_learner(system):
     actors = system.start("actors", "actors", *options, "--log-level", "debug")
 
     status = system.wait_for(
-        lambda s: s["steps"] >= 150 and len(alive(s)) == 2 and all(a["version"] >= 2 for a in alive(s).values()), 150
+        lambda s: (
+            s["steps"] >= 150
+            and len(alive(s)) == 2
+            and all(a["steps"] and a["version"] >= 2 for a in alive(s).values())
+        ),
+        150,
     )
     versions = {name: actor["version"] for name, actor in alive(status).items()}
 
