@@ -160,7 +160,7 @@ def open_viewer_session(config: BusConfig, connect: Iterable[str] | None = None)
     try:
         return zenoh.open(_zenoh_config(settings))
     except zenoh.ZError as error:
-        raise BusError(f"cannot look at the actors of {', '.join(endpoints)}: {error}") from None
+        raise BusError(f"cannot look at the actors of {', '.join(endpoints)}: {reason(error)}") from None
 
 
 def _endpoint(text: str, config: BusConfig) -> str:
