@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +11,7 @@ from common.cli import command_errors
 from common.page.options import PageSettings, TokenOption, announcement, page_settings
 from common.system.extras import optional
 from common.system.logs import setup_logging
-from deploy.profiles import load_deploy_config
+from deploy.cli_options import ConfigFile, Connect, LogLevel, Overrides, Profile, load_options
 
 PAGE_EXAMPLES = """
 Examples:
@@ -34,19 +33,11 @@ def page(
         Path | None, typer.Option("--replay", help="Show this recording instead: a bag, or its file.", metavar="FILE")
     ] = None,
     token: TokenOption = None,
-    connect: Annotated[
-        list[str] | None,
-        typer.Option("--connect", help="Endpoint of the robots' router. [default: ros.connect]", metavar="ENDPOINT"),
-    ] = None,
-    profile: Annotated[str | None, typer.Option("--profile", help="Shipped parameters: bare, cmu or nav2.")] = None,
-    config: Annotated[
-        Path | None, typer.Option("--config", help="TOML or JSON file with parameters.", metavar="FILE")
-    ] = None,
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="One parameter; may be repeated.", metavar="SECTION.FIELD=VALUE"),
-    ] = None,
-    log_level: Annotated[str | None, typer.Option("--log-level", help="debug, info, warning or error.")] = None,
+    connect: Connect = None,
+    profile: Profile = None,
+    config: ConfigFile = None,
+    overrides: Overrides = None,
+    log_level: LogLevel = None,
 ) -> None:
     """Watch and command robots in a browser. Ctrl-C ends the page; the robots go on."""
     setup_logging(log_level)
@@ -55,18 +46,17 @@ def page(
     from deploy.page.process import SITE
 
     settings = page_settings(address, token)
-    every = [*(overrides or ()), *([f"ros.connect={','.join(connect)}"] if connect else ())]
     if replay is None:
         from deploy.page.source import Robots
 
-        resolved = load_deploy_config(config, every, os.environ, profile)
+        resolved = load_options(profile, config, overrides, connect)
         serve(settings, SITE, Robots(resolved), lambda at: announce(at, settings))
         return
     from deploy.page.replay import Replay
     from deploy.recording.reader import recorded_config
 
     recorded = None if profile or config else recorded_config(replay)
-    resolved = recorded or load_deploy_config(config, every, os.environ, profile)
+    resolved = recorded or load_options(profile, config, overrides, connect)
     serve(settings, SITE, Replay(replay, resolved), lambda at: announce(at, settings))
 
 
