@@ -149,11 +149,7 @@ def _check_unique(session: zenoh.Session, name: str, patience: float) -> None:
 
 def _check_complete(answers: Answers, config: DeployConfig, where: str, timeout: float) -> None:
     """Fail unless every bridge that was there has obeyed."""
-    wrong = list(answers.refusals)
-    wrong += [
-        f"robot {name!r} did not answer within {timeout:g} s (instance {instance}): it may still be moving"
-        for name, instance in sorted(answers.missing)
-    ]
+    wrong = answers.problems(timeout)
     if not answers.states and not wrong:
         who = f"no robot {config.name!r}" if config.named else "no robot"
         wrong.append(

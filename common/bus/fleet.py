@@ -38,6 +38,16 @@ class Answers:
     refusals: list[str] = field(default_factory=list)
     missing: frozenset[BridgeId] = frozenset()
 
+    def problems(self, timeout: float) -> list[str]:
+        """Return why not every bridge that is there has obeyed within ``timeout`` seconds; empty when each one has."""
+        return [
+            *self.refusals,
+            *(
+                f"robot {name!r} did not answer within {timeout:g} s (instance {instance}): it may still be moving"
+                for name, instance in sorted(self.missing)
+            ),
+        ]
+
 
 def bridges_at(session: zenoh.Session, name: str | None = None, timeout: float = 1.0) -> frozenset[BridgeId]:
     """Return the bridges that are there now, asking once: those of one name, or all of them."""

@@ -82,8 +82,7 @@ class Robots(Source):
         if command.verb == "stop":
             arguments = {"reason": str(command.arguments.get("reason", "by the page"))[:200]}
             answers = command_all(session, command.target or None, "stop", _ANSWER_SECONDS, arguments)
-            wrong = [*answers.refusals]
-            wrong += [f"robot {name!r} did not answer: it may still be moving" for name, _ in sorted(answers.missing)]
+            wrong = answers.problems(_ANSWER_SECONDS)
             if not answers.states and not wrong:
                 wrong.append(f"no robot answered within {_ANSWER_SECONDS:g} s: use the robot's own stop")
             if wrong:

@@ -71,6 +71,7 @@ def test_one_that_does_not_answer_is_missing_and_does_not_keep_the_others_from_i
     answers = command_all(operator, "r1", "stop", 1.5)
     assert set(answers.states) == {("r1", "a")}
     assert answers.missing == {("r1", "deaf")}
+    assert ["robot 'r1'" in each and "instance deaf" in each for each in answers.problems(0.5)] == [True]
     assert stopped
     assert time.monotonic() - began < 4.0
 
