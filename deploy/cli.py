@@ -19,7 +19,7 @@ from common.tasks import NAVIGATION, find_task
 from deploy.cli_options import ConfigFile, Connect, LogLevel, Overrides, Profile, RobotName, load_options
 from deploy.config import DeployConfig
 from deploy.network_cli import add_network_commands
-from deploy.page.cli import PAGE_EXAMPLES, announce, page
+from deploy.page.cli import announce, page
 from deploy.recording.cli import app as recording_app
 from deploy.robot.cli import DEMO_EXAMPLES, demo, robot
 from deploy.robot.cli import EXAMPLES as ROBOT_EXAMPLES
@@ -34,7 +34,7 @@ app = CommandApp(
 
 app.command(epilog=ROBOT_EXAMPLES)(robot)
 app.command(epilog=DEMO_EXAMPLES)(demo)
-app.command(epilog=PAGE_EXAMPLES)(page)
+app.command()(page)
 app.add_typer(recording_app)
 add_network_commands(app)
 add_version(app)

@@ -18,8 +18,7 @@ from common.config.describe import to_markdown, to_toml
 from common.config.load import load_config, preset_names
 from common.errors import ConfigError, StorageError
 from common.extensions import SIMULATORS
-from common.page.options import PageOption, PageSettings, TokenOption, page_settings
-from common.system.extras import optional
+from common.page.options import PageOption, PageSettings, TokenOption, page_settings, require_packages
 from common.system.logs import log_file, setup_logging
 from common.system.metrics_server import metrics_address
 from common.system.runtime import restart_prepared
@@ -258,10 +257,7 @@ def _page(address: str | None, token: Path | None) -> PageSettings | None:
     """Return how the page is served; None without one."""
     if address is None:
         return None
-    with optional("--page", "page"):
-        import starlette  # noqa: F401 - asked for here: a run that lacks it should not begin
-        import uvicorn  # noqa: F401
-        import websockets  # noqa: F401
+    require_packages()  # here: a run that lacks them should not begin
     return page_settings(address, token)
 
 

@@ -13,6 +13,7 @@ from typing import Annotated, Final
 import typer
 
 from common.errors import ConfigError
+from common.system.extras import optional
 
 TOKEN_VARIABLE: Final = "HD_PAGE_TOKEN"
 """Environment variable with the token."""
@@ -72,6 +73,18 @@ def page_settings(address: str, token_file: Path | None = None) -> PageSettings:
     given = _given_token(token_file)
     token = given or secrets.token_urlsafe(12)
     return PageSettings(int(found[2]), host, token, made_token=given is None)
+
+
+def require_packages() -> None:
+    """Ask for the packages of a page where the answer still reaches whoever wants one.
+
+    Raises:
+        ConfigError: the extra `page` is not installed.
+    """
+    with optional("--page", "page"):
+        import starlette  # noqa: F401 - only asked for
+        import uvicorn  # noqa: F401
+        import websockets  # noqa: F401
 
 
 def url_of(host: str, port: int) -> str:

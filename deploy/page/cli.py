@@ -13,16 +13,6 @@ from common.system.extras import optional
 from common.system.logs import setup_logging
 from deploy.cli_options import ConfigFile, Connect, LogLevel, Overrides, Profile, load_options
 
-PAGE_EXAMPLES = """
-Examples:
-
-  hd-deploy page                                     the robots that this machine's router knows, at 127.0.0.1:8080
-
-  hd-deploy page 9000 --connect tcp/192.168.1.5:7447 --profile cmu
-
-  hd-deploy page --replay recordings/lab             a recording, with a place in time to go to
-"""
-
 
 @command_errors
 def page(
@@ -39,7 +29,15 @@ def page(
     overrides: Overrides = None,
     log_level: LogLevel = None,
 ) -> None:
-    """Watch and command robots in a browser. Ctrl-C ends the page; the robots go on."""
+    """Watch and command robots in a browser. Ctrl-C ends the page; the robots continue.
+
+    Examples:
+    - `hd-deploy page` shows the robots that this machine's router knows, at http://127.0.0.1:8080/.
+
+    - `hd-deploy page 9000 --connect tcp/192.168.1.5:7447 --profile cmu`
+
+    - `hd-deploy page --replay recordings/lab` shows a recording, with a slider for the time.
+    """
     setup_logging(log_level)
     with optional("the page", "page"):
         from common.page.serve import serve

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from common.page.options import PageSettings
+from common.page.options import PageSettings, require_packages
 from common.page.process import PageProcess
 from common.page.source import Site
-from common.system.extras import optional
 from deploy.config import DeployConfig
 from deploy.page.source import Robots
 
@@ -24,10 +23,7 @@ def start_page(settings: PageSettings, config: DeployConfig) -> PageProcess:
         PageError: it does not start.
         ConfigError: the extra `page` is not installed.
     """
-    with optional("--page", "page"):
-        import starlette  # noqa: F401 - asked for here, where the sentence reaches whoever gave the option
-        import uvicorn  # noqa: F401
-        import websockets  # noqa: F401
+    require_packages()
     return PageProcess(__name__, settings, {"config": config.model_dump_json()})
 
 
