@@ -19,6 +19,7 @@ from common.ids import ID_PATTERN
 from common.page.hub import Hub
 from common.system.documents import DocumentError, parse_json
 from deploy.config import DeployConfig
+from deploy.mapping.transforms import Transform
 from deploy.ros2 import LATCHED, RELIABLE, SENSOR, QoS, RosError
 from deploy.ros2.conversions import grid_from, path_from, points_from, pose_from, scan_from
 from deploy.ros2.messages import Message, deserialize
@@ -202,30 +203,35 @@ class RobotFeed:
             hub.append(self._channel("way"), [round(pose.x, 2), round(pose.y, 2)])
 
     def _put_scan(self, hub: Hub, message: Message) -> None:
-        scan, pose = scan_from(message), self._pose
-        if pose is None:
+        scan, place = scan_from(message), self._sensor_place(message)
+        if place is None:
             return
         each = len(scan.ranges) // _MAX_POINTS + 1
         ranges = scan.ranges[::each]
         angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))[::each]
         met = (ranges >= scan.range_min) & (ranges < scan.range_max)
-        x, y, yaw = self._config.sensing.sensor_offset
-        angles = pose.yaw + yaw + angles[met]
-        base_x = pose.x + x * math.cos(pose.yaw) - y * math.sin(pose.yaw)
-        base_y = pose.y + x * math.sin(pose.yaw) + y * math.cos(pose.yaw)
-        ends = np.stack([base_x + ranges[met] * np.cos(angles), base_y + ranges[met] * np.sin(angles)], axis=1)
-        hub.put(self._channel("scan"), _centimetres(ends))
+        ends = ranges[met, None] * np.stack([np.cos(angles[met]), np.sin(angles[met]), np.zeros(met.sum())], axis=1)
+        hub.put(self._channel("scan"), _centimetres(place.apply(ends)[:, :2]))
 
     def _put_points(self, hub: Hub, message: Message) -> None:
-        points, pose = points_from(message)[:, :3].astype(np.float64), self._pose
+        points = points_from(message)[:, :3].astype(np.float64)
         points = points[(points[:, 2] >= _HEIGHTS[0]) & (points[:, 2] <= _HEIGHTS[1])]
-        points = points[:: len(points) // _MAX_POINTS + 1, :2]
+        points = points[:: len(points) // _MAX_POINTS + 1]
         if self._config.sensing.points_frame == "sensor":
-            if pose is None:
+            place = self._sensor_place(message)
+            if place is None:
                 return
-            cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-            points = points @ np.array([[cos, sin], [-sin, cos]]) + np.array(pose.position)
-        hub.put(self._channel("scan"), _centimetres(points))
+            points = place.apply(points)
+        hub.put(self._channel("scan"), _centimetres(points[:, :2]))
+
+    def _sensor_place(self, message: Message) -> Transform | None:
+        """Return where a sensor is on the map, None while the robot's pose is not known; the page reads no TF."""
+        pose = self._pose
+        if pose is None:
+            return None
+        base = Transform.planar(pose.x, pose.y, pose.yaw)
+        in_base = message.header.frame_id.lstrip("/") == self._config.frames.base
+        return base if in_base else base @ Transform.planar(*self._config.sensing.sensor_offset)
 
     def _put_decision(self, hub: Hub, at: float, payload: bytes) -> None:
         seconds = deserialize(payload, self._kinds["runtime"], self._config.ros.distro).data

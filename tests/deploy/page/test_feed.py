@@ -13,7 +13,7 @@ from deploy.profiles import load_deploy_config
 from deploy.recording.errors import RecordingError
 from deploy.recording.writer import BagWriter
 from deploy.ros2 import RELIABLE, message
-from deploy.ros2.conversions import laser_scan, occupancy_grid, odometry
+from deploy.ros2.conversions import laser_scan, occupancy_grid, odometry, point_cloud
 from deploy.ros2.messages import serialize
 from tests.common.bus.processes import eventually
 
@@ -69,6 +69,20 @@ def test_a_scan_is_placed_by_pose_and_lidar_and_only_when_somebody_looks():
     feed.take("scan", payload)
     feed.refresh(hub)
     assert values(hub, view)["robot/r/scan"] == [500, 800]
+
+
+def test_a_cloud_is_placed_by_pose_and_lidar_unless_it_is_in_the_robots_frame():
+    overrides = ["sensing.source=points", "topics.points=/cloud", "sensing.points_frame=sensor", "sensing.pose=tf"]
+    feed, hub = RobotFeed(config(*overrides, "sensing.sensor_offset=[1.0, 0.0, 0.0]")), Hub()
+    view = watching(hub, "*")
+    hub.collect(view)
+    feed.take("status", text({"name": "r", "pose": [5.0, 5.0, np.pi / 2.0]}))
+    feed.refresh(hub)
+    for frame, place in (("lidar", [500, 800]), ("base_link", [500, 700])):
+        cloud = point_cloud(1.0, frame, np.array([[2.0, 0.0, 0.5], [9.0, 0.0, 5.0]], np.float32))
+        feed.take("points", serialize(cloud, "sensor_msgs/msg/PointCloud2", "jazzy"))
+        feed.refresh(hub)
+        assert values(hub, view)["robot/r/scan"] == place
 
 
 @pytest.mark.parametrize(
