@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -13,7 +12,7 @@ from tensorboard.compat.proto.event_pb2 import Event, SessionLog
 
 from learner.page.curves import Point
 from learner.run.episodes import read_episodes
-from learner.watch.event_file import PATTERN
+from learner.watch.event_file import PATTERN, read_events
 
 log = logging.getLogger(__name__)
 
@@ -21,8 +20,6 @@ SHOWN: Final = ("loss/", "entropy/", "temperature/", "value/", "gradient/", "clo
 """Beginnings of the tags of what an algorithm reports."""
 GROUPS: Final = ("episode_train/", "episode_evaluate/", "evaluation/")
 _LONE: Final = ("time/updates_per_second", "collect/steps_per_second", "ratio/actual", "replay/fill")
-_HEAD: Final = struct.Struct("<QI")
-_TAIL: Final = 4
 _LARGEST_FILE: Final = 256 << 20
 
 
@@ -34,8 +31,7 @@ def read_points(folder: Path) -> list[Point]:
     points: list[Point] = []
     for path in sorted((folder / "tensorboard").glob(PATTERN)):
         try:
-            events = _events(path)
-            for event in events:
+            for event in _events(path):
                 if event.HasField("session_log") and event.session_log.status == SessionLog.START:
                     points = [point for point in points if point.updates < event.step]
                 values = {each.tag: each.simple_value for each in event.summary.value if is_shown(each.tag)}
@@ -61,16 +57,8 @@ def is_shown(tag: str) -> bool:
 
 
 def _events(path: Path) -> Iterator[Event]:
-    """Yield the events of a file up to the first that is not whole; `EventFile` tells their form."""
+    """Yield the events of a file; of a very large one none, and say so."""
     if path.stat().st_size > _LARGEST_FILE:
         log.warning("%s is larger than %d MB: its curves are not shown", path, _LARGEST_FILE >> 20)
         return
-    content = path.read_bytes()
-    position = 0
-    while position + _HEAD.size <= len(content):
-        length, _ = _HEAD.unpack_from(content, position)
-        start = position + _HEAD.size
-        position = start + length + _TAIL
-        if position > len(content):
-            return
-        yield Event.FromString(content[start : start + length])
+    yield from read_events(path.read_bytes())

@@ -117,6 +117,16 @@ def sound_parts(content: bytes) -> Iterator[tuple[int, int]]:
         position = end or position + 1
 
 
+def read_events(content: bytes) -> Iterator[Event]:
+    """Yield the events of a file, those behind damage included.
+
+    Raises:
+        DecodeError: a sound record holds no event.
+    """
+    for start, end in sound_parts(content):
+        yield Event.FromString(content[start + _HEAD_BYTES : end - _CHECKSUM.size])
+
+
 def mend_events(path: Path, aside: Path, *, dry: bool = False) -> int:
     """Set the bytes of an event file aside that are no records, so that TensorBoard reads all others.
 
