@@ -33,7 +33,7 @@ def page(
     ] = Path("runs"),
     log_level: Annotated[str | None, typer.Option("--log-level", help="debug, info, warning or error.")] = None,
 ) -> None:
-    """Watch and command a training in a browser. Ctrl-C ends the page; the training goes on.
+    """Watch and command a training in a browser. Ctrl-C ends the page; the training continues.
 
     Examples:
     - `hd-learner page` shows the run that is live on this machine, at http://127.0.0.1:8080/.

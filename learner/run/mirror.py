@@ -83,7 +83,7 @@ class Mirror(Closing):
             return False  # pruned meanwhile: there is a newer one
         except HDError as error:
             if not self._failed:
-                logger.error("%s; trying again until it works, training goes on", error)
+                logger.error("%s; trying again until it works, training continues", error)
             self._failed = True
             return False
         if self._failed:
@@ -147,7 +147,7 @@ def fetch_run(url: str, root: Path, name: str) -> Path:
         sync_path(root)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
-    logger.info("fetched run %s from %s: it goes on from checkpoint %s", name, url, newest.name)
+    logger.info("fetched run %s from %s: continuing from checkpoint %s", name, url, newest.name)
     return path
 
 

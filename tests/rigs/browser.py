@@ -52,5 +52,6 @@ def opened(browser, address, fragment="", **options):
 def picture(page, name, **options):
     """Write a picture of the documents anew, where HD_PAGE_PICTURES asks for it."""
     if os.environ.get("HD_PAGE_PICTURES"):
-        page.wait_for_timeout(700)
+        # Notices go after five seconds.
+        page.wait_for_timeout(5500)
         page.screenshot(path=PICTURES / f"{name}.png", **options)

@@ -6,8 +6,7 @@ With ``HD_PAGE_PICTURES=1`` the pictures of the documents are written anew, to d
 import json
 import os
 import re
-import shutil
-from pathlib import Path
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -15,28 +14,14 @@ import pytest
 pytest.importorskip("playwright", reason="Playwright is not installed")
 pytest.importorskip("pybullet", reason="PyBullet is not installed")
 
-from playwright.sync_api import sync_playwright
-
 from deploy.profiles import load_deploy_config
 from deploy.robot.deployment import Deployment
 from tests.common.bus.processes import eventually
 from tests.common.page.reader import Reader
+from tests.rigs.browser import CHROMIUM, PATIENCE, chromium, opened, picture
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-FLAGS = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
 TOKEN = "let-me-command"
 WORLD = "generator:office?width=192&height=192"
-PATIENCE = 120.0
-PICTURES = Path(__file__).parents[3] / "docs" / "pictures"
 BOX = "() => JSON.stringify(document.getElementById('map').getBoundingClientRect())"
 
 pytestmark = [
@@ -67,34 +52,22 @@ def deployment(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def chromium():
-    with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=1e3 * PATIENCE)
+def browser():
+    with chromium() as browser:
         yield browser
-        browser.close()
 
 
 @pytest.fixture
-def open_page(chromium, deployment):
+def open_page(browser, deployment):
     """Opens the page and fails at the end when anything in it failed, or was asked of elsewhere."""
-    contexts, wrong = [], []
+    with ExitStack() as pages:
 
-    def load(fragment="", **options):
-        context = chromium.new_context(**{"viewport": {"width": 1400, "height": 860}, **options})
-        contexts.append(context)
-        page = context.new_page()
-        page.set_default_timeout(1e3 * PATIENCE)
-        page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
-        page.on("request", lambda asked: None if asked.url.startswith(deployment.page) else wrong.append(asked.url))
-        page.goto(deployment.page + fragment)
-        page.wait_for_function("() => !/Connecting|Waiting/.test(document.getElementById('state').textContent)")
-        return page
+        def load(fragment="", **options):
+            page = pages.enter_context(opened(browser, deployment.page, fragment, **options))
+            page.wait_for_function("() => !/Connecting|Waiting/.test(document.getElementById('state').textContent)")
+            return page
 
-    yield load
-    for context in contexts:
-        context.close()
-    assert not wrong
+        yield load
 
 
 def says(page, pattern):
@@ -122,13 +95,6 @@ def place_to_go(deployment, reader):
     places = np.stack([columns, rows], 1) * resolution + np.array(origin) + resolution / 2.0
     away = np.hypot(*(places - (x, y)).T)
     return places[np.argmin(np.abs(away - 2.5))].tolist()
-
-
-def picture(page, name):
-    if os.environ.get("HD_PAGE_PICTURES"):
-        # Notices go after five seconds.
-        page.wait_for_timeout(5500)
-        page.screenshot(path=PICTURES / f"{name}.png")
 
 
 def test_a_wrong_token_is_refused(open_page, deployment):
