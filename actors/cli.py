@@ -22,8 +22,8 @@ from common.errors import ConfigError
 from common.extensions import SIMULATORS
 from common.ids import check_id
 from common.messages.replies import Spec
+from common.system.addresses import listening_address
 from common.system.logs import setup_logging
-from common.system.metrics_server import metrics_address
 from common.system.reaper import Reaper
 from common.system.runtime import process_environment, python_module
 
@@ -125,7 +125,7 @@ def main(
         raise ConfigError(f"--gui opens one window: use it with --num 1, not --num {num}")
     if gui and sim == "grid":
         raise ConfigError("--gui shows PyBullet's window: leave it out, or use --sim pybullet")
-    address = None if metrics is None else metrics_address(metrics)
+    address = None if metrics is None else listening_address(metrics, "--metrics")
     prefix = _checked_id(name or host_name(), "--name")
     bus = _bus(connect, tls_ca, tls_certificate, tls_key, compress)
     run_name, taken, spec = _find_run(bus, run)

@@ -19,8 +19,8 @@ from common.config.load import load_config, preset_names
 from common.errors import ConfigError, StorageError
 from common.extensions import SIMULATORS
 from common.page.options import PageOption, PageSettings, TokenOption, page_settings, require_packages
+from common.system.addresses import listening_address
 from common.system.logs import log_file, setup_logging
-from common.system.metrics_server import metrics_address
 from common.system.runtime import restart_prepared
 from learner.files_cli import RUNS, RunName, RunsFolder, add_file_commands
 from learner.map_check import check_maps
@@ -223,7 +223,7 @@ def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, ov
         )
     if options.serial and options.metrics is not None:
         raise ConfigError("--metrics tells of a run on the bus: leave it out with --serial")
-    address = None if options.metrics is None else metrics_address(options.metrics)
+    address = None if options.metrics is None else listening_address(options.metrics, "--metrics")
     if options.serial and options.page:
         raise ConfigError("--serial has no network, which the page reads: leave --page out")
     console = message_console()

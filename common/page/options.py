@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import secrets
 from dataclasses import dataclass, field
 from ipaddress import ip_address
@@ -13,11 +12,11 @@ from typing import Annotated, Final
 import typer
 
 from common.errors import ConfigError
+from common.system.addresses import LOOPBACK, listening_address
 from common.system.extras import optional
 
 TOKEN_VARIABLE: Final = "HD_PAGE_TOKEN"
 """Environment variable with the token."""
-LOOPBACK: Final = "127.0.0.1"
 _SHORTEST_TOKEN: Final = 8
 _LONGEST_TOKEN: Final = 200
 
@@ -66,13 +65,10 @@ def page_settings(address: str, token_file: Path | None = None) -> PageSettings:
     Raises:
         ConfigError: the address is none, or the file cannot be read or holds no token.
     """
-    found = re.fullmatch(r"(?:(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9.-]+):)?([0-9]{1,5})", address.strip())
-    if found is None or int(found[2]) > 65535:
-        raise ConfigError(f"--page must be PORT or HOST:PORT, such as 8080 or 192.168.1.5:8080, got {address!r}")
-    host = (found[1] or LOOPBACK).strip("[]")
+    host, port = listening_address(address, "--page")
     given = _given_token(token_file)
     token = given or secrets.token_urlsafe(12)
-    return PageSettings(int(found[2]), host, token, made_token=given is None)
+    return PageSettings(port, host, token, made_token=given is None)
 
 
 def require_packages() -> None:

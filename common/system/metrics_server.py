@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -10,8 +9,6 @@ from typing import Any, Literal
 from common.errors import ConfigError
 from common.system.closing import Closing
 from common.system.extras import optional
-
-LOOPBACK = "127.0.0.1"
 
 Values = dict[tuple[str, ...], float]
 """A figure by the values of its labels."""
@@ -34,18 +31,6 @@ class Figure:
     values: Values
     labels: tuple[str, ...] = ()
     kind: Literal["gauge", "counter"] = "gauge"
-
-
-def metrics_address(text: str) -> tuple[str, int]:
-    """Read ``PORT`` or ``HOST:PORT``; a port alone is open to this machine only.
-
-    Raises:
-        ConfigError: for anything else.
-    """
-    found = re.fullmatch(r"(?:(.+):)?(\d{1,5})", text)
-    if found is None or not 0 <= int(found[2]) < 1 << 16:
-        raise ConfigError(f"--metrics expects PORT or HOST:PORT, such as 9100 or 0.0.0.0:9100, got {text!r}")
-    return (found[1] or LOOPBACK).strip("[]"), int(found[2])
 
 
 class MetricsServer(Closing):

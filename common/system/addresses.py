@@ -1,0 +1,26 @@
+"""Where a server of this process listens, as options of commands give it."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from common.errors import ConfigError
+
+LOOPBACK: Final = "127.0.0.1"
+
+
+def listening_address(text: str, option: str) -> tuple[str, int]:
+    """Read ``PORT``, ``HOST:PORT`` or ``[IPV6]:PORT``; a port alone is open to this machine only.
+
+    Args:
+        text: as it was given.
+        option: that it was given with, for the message.
+
+    Raises:
+        ConfigError: for anything else.
+    """
+    found = re.fullmatch(r"(?:(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9.-]+):)?([0-9]{1,5})", text.strip())
+    if found is None or int(found[2]) > 65535:
+        raise ConfigError(f"{option} must be PORT or HOST:PORT, such as 8080 or 192.168.1.5:8080, got {text!r}")
+    return (found[1] or LOOPBACK).strip("[]"), int(found[2])
