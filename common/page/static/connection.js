@@ -4,7 +4,8 @@ import { readTiles } from "./tiles.js";
 
 const PROTOCOL = 1;
 const SILENT_MS = 8000;
-const ANSWER_MS = 15000;
+// The page's process answers in its own time, which a checkpoint may take a minute of; a silent one is noticed sooner.
+const ANSWER_MS = 75000;
 const TOKEN_KEY = "hd-page-token";
 
 export class Connection {
@@ -36,6 +37,19 @@ export class Connection {
     if (!this._handlers.has(event)) this._handlers.set(event, []);
     this._handlers.get(event).push(handler);
     return this;
+  }
+
+  /** Call back at most once for each frame of the screen, after news. */
+  onNews(handler) {
+    let due = false;
+    return this.on("news", () => {
+      if (due) return;
+      due = true;
+      requestAnimationFrame(() => {
+        due = false;
+        handler();
+      });
+    });
   }
 
   /** Watch other channels from now on; what is known of those that go on stays. */

@@ -50,15 +50,7 @@ connection.on("series", (name, items) => {
   if (name === `robot/${selected}/events`) showEvents($("events"), items);
 });
 connection.on("state", () => showAll());
-let due = false;
-connection.on("news", () => {
-  if (due) return;
-  due = true;
-  requestAnimationFrame(() => {
-    due = false;
-    showAll();
-  });
-});
+connection.onNews(() => showAll());
 onScheme(() => {
   for (const picture of beliefs.values()) picture.repaint();
   map.redraw();

@@ -63,15 +63,7 @@ connection.on("values", (name, found) => {
 connection.on("series", (name, items) => {
   if (name === "curve-points") plots.setRows(items);
 });
-let due = false;
-connection.on("news", () => {
-  if (due) return;
-  due = true;
-  requestAnimationFrame(() => {
-    due = false;
-    showAll();
-  });
-});
+connection.onNews(() => showAll());
 connection.on("state", () => showAll());
 onScheme(() => {
   for (const each of pictures.values()) each.repaint();
