@@ -110,6 +110,7 @@ class Mission:
         Raises:
             CommandError: the task has no target yet.
         """
+        here = self._here()
         with self._lock:
             orders = self._orders
             if orders.phase is Phase.RUNNING:
@@ -122,6 +123,8 @@ class Mission:
             if orders.phase in _ENDED:
                 self._take_up_task()
             self._change(Phase.RUNNING, "started by command", new_episode=True)
+            if here is not None:
+                self._set_home(here)
 
     def pause(self) -> None:
         """Stop where the robot is, until `resume`.
@@ -167,11 +170,13 @@ class Mission:
         """Drive to where the task began.
 
         Raises:
-            CommandError: there was no start yet.
+            CommandError: nobody knows where the task began.
         """
         with self._lock:
             if self._orders.home is None:
-                raise CommandError("there is no home yet, it is where the task begins: send `start` first")
+                raise CommandError(
+                    "there is no home yet, it is where the robot is at the first `start`: send that, with its pose known"
+                )
             if self._orders.phase is not Phase.RETURNING:
                 self._change(Phase.RETURNING, reason, new_episode=True)
 
@@ -225,17 +230,20 @@ class Mission:
             elif orders.phase is Phase.PAUSED:
                 self._orders = replace(self._orders, paused=Phase.RUNNING, episode=orders.episode + 1)
 
-    def begun(self, home: Position) -> None:
-        """Note where the task began; the first call after a start counts."""
+    def begun(self, here: Position) -> None:
+        """Note where the robot is when it first decides, in case its pose was not known when the task was started."""
         with self._lock:
-            if self._orders.home is None:
-                self._orders = replace(self._orders, home=home)
+            self._set_home(here)
 
     def end(self, phase: Phase, reason: str, episode: int) -> None:
         """End the task of an episode; nothing happens when a command was quicker."""
         with self._lock:
             if self._orders.episode == episode and self._orders.moving:
                 self._change(phase, reason)
+
+    def _set_home(self, here: Position) -> None:
+        if self._orders.home is None:
+            self._orders = replace(self._orders, home=here)
 
     def _take_up_task(self) -> None:
         if not self.task.needs_target:

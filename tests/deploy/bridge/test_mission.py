@@ -21,6 +21,21 @@ def test_a_task_runs_from_start_to_end():
     assert mission.orders.episode == episode + 1
 
 
+def test_home_is_where_the_robot_is_when_it_is_started():
+    places = iter([None, (1.0, 2.0), (5.0, 5.0)])
+    mission = Mission("exploration", here=lambda: next(places))
+    mission.start()
+    with pytest.raises(CommandError, match="with its pose known"):
+        mission.return_home()
+    mission.abort()
+    mission.start()
+    mission.return_home()
+    mission.begun((3.0, 3.0))
+    mission.abort()
+    mission.start()
+    assert mission.orders.home == (1.0, 2.0)
+
+
 def test_a_command_is_quicker_than_the_end_of_the_episode_before_it():
     mission = Mission("exploration")
     mission.start()
