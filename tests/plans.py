@@ -144,6 +144,22 @@ def diagonal_corridor() -> Plan:
     return Plan(world, rooms, everything, everything)
 
 
+def crawlway() -> Plan:
+    """A room, and behind it a dead end 0.6 m wide with two bends, where only a line of cells is clear of both walls.
+
+    16.4 m x 8.4 m; double walls of real buildings are like it.
+    """
+    drawing = _Drawing(16.4, 8.4)
+    drawing.carve(0.2, 0.2, 8.2, 8.2)  # room
+    drawing.carve(8.2, 7.2, 16.2, 7.8)  # crawlway
+    drawing.carve(15.6, 4.2, 16.2, 7.2)
+    drawing.carve(11.6, 4.2, 16.2, 4.8)
+    rooms = {"room": (4.0, 4.0), "end": (12.0, 4.5)}
+    return Plan(
+        drawing.world("crawlway", rooms["room"], rooms["end"], (0.0, 0.0)), rooms, frozenset(rooms), frozenset(rooms)
+    )
+
+
 def furnished_hall() -> Plan:
     """A hall of 16 m x 10 m with rows of desks, shelves and a counter.
 

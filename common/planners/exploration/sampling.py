@@ -15,7 +15,7 @@ from common.mapping.mapper import Mapper
 from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.exploration.rrt import free_box
-from common.planners.viewpoint_planner import ScannedViewpoints, check_task, lead_to, next_leg
+from common.planners.viewpoint_planner import ON_VIEWPOINT, ScannedViewpoints, check_task, lead_to, next_leg
 from common.planners.visibility import at_ease, unknown_in_sight
 
 # Edges are this much shorter than the longest waypoint, so that rounding cannot make one too far.
@@ -34,7 +34,9 @@ class SamplingPlanner(ABC):
     the belief promises, for example over a drop, would go there forever.
 
     Random places seldom lie in doors that a robot barely fits through. So one with a radius does not end before it has
-    been at the viewpoints that still observe frontiers, the nearest first. No publication says that, either.
+    been at the viewpoints that still observe frontiers, the nearest first. No publication says that, either. The robot
+    drives to the end of such a way before the planner decides again: on the way it may pass places without room for
+    straight lines, which it would leave for where it came from, for ever.
     """
 
     name: str = ""
@@ -63,6 +65,7 @@ class SamplingPlanner(ABC):
         del target
         self.random = np.random.default_rng(seed)
         self._scanned = ScannedViewpoints(self.config.viewpoint_spacing)
+        self._visiting: Position | None = None
         self._barren: list[Position] = []
         self._known_cells = -1
         self.begin()
@@ -71,6 +74,10 @@ class SamplingPlanner(ABC):
         """Decide; the mapper has taken in the newest scan and was updated at this pose."""
         if not mapper.segment_free(pose.position, pose.position):
             return Plan(Status.STUCK, reason="the robot is not in a cell that is known to be free")
+        if self._visiting is not None:
+            plan = self._visit_viewpoint(mapper, pose, self._visiting)
+            if plan is not None:
+                return plan
         box = free_box(mapper.clear)
         if box is None or not at_ease(mapper.clear, np.array([pose.position]))[0]:
             return self._leave_margin(mapper, pose)
@@ -80,15 +87,25 @@ class SamplingPlanner(ABC):
         self._barren.append(pose.position)
         plan = self.decide(mapper, pose, *box)
         if plan.status is Status.COMPLETE and self.config.robot_radius > 0.0:
-            return self._visit_viewpoints(mapper, pose) or plan
+            return self._visit_viewpoint(mapper, pose) or plan
         return plan
 
-    def _visit_viewpoints(self, mapper: Mapper, pose: Pose) -> Plan | None:
-        """Lead to the nearest viewpoint that observes frontiers and was not scanned from; None without one."""
+    def _visit_viewpoint(self, mapper: Mapper, pose: Pose, beside: Position | None = None) -> Plan | None:
+        """Lead to the nearest viewpoint that observes frontiers and was not scanned from; None without one.
+
+        Args:
+            mapper: updated at the pose.
+            pose: where the robot stands.
+            beside: only a viewpoint beside this place counts, metres.
+        """
+        self._visiting = None
         if mapper.stuck:
             return None
         self._scanned.note(mapper, pose)
         candidates = self._scanned.candidates(mapper)
+        if beside is not None:
+            away = np.hypot(*(mapper.viewpoints[candidates] - np.array(beside)).T)
+            candidates = candidates[away <= ON_VIEWPOINT * self.config.viewpoint_spacing]
         distances = mapper.distances(mapper.robot)[candidates]
         if not np.isfinite(distances).any():
             return None
@@ -96,7 +113,8 @@ class SamplingPlanner(ABC):
         plan = lead_to(mapper, pose, [goal], self.config.viewpoint_spacing)
         if plan.waypoint is None:
             return None
-        self._scanned.note_attempt(pose, plan.waypoint, mapper.position(goal))
+        self._visiting = mapper.position(goal)
+        self._scanned.note_attempt(pose, plan.waypoint, self._visiting)
         return plan
 
     def _leave_margin(self, mapper: Mapper, pose: Pose) -> Plan:
