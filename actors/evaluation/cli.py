@@ -10,7 +10,7 @@ import typer
 from rich.markup import escape
 
 from actors.evaluation.large.cli import app as large_app
-from actors.evaluation.options import ConfigFile, Limit, Maps, Overrides, Start, Target, TaskName, resolve
+from actors.evaluation.options import ConfigFile, Label, Limit, Maps, Overrides, Start, Target, TaskName, resolve
 from actors.evaluation.progress import planner_list, run_and_show
 from actors.evaluation.results_cli import app as results_app
 from actors.options import Fidelity
@@ -69,6 +69,7 @@ def run(
     start: Start = None,
     target: Target = None,
     limit: Limit = None,
+    label: Label = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Processes; 0 for one per core.")] = 0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of planners and simulator.")] = 0,
     time_limit: Annotated[
@@ -88,6 +89,8 @@ def run(
     - `hd-eval run --planner greedy,tare,omniscient --maps bench/ --out results/`
 
     - `hd-eval run --planner hdplanner,hdplanner-bare --policy best.safetensors --maps bench/ --out results/`
+
+    - `hd-eval run --planner hdplanner --policy ariadne.safetensors --label ariadne --maps bench/ --out results/`
 
     - `hd-eval run --planner greedy --maps plan.yaml --start 1.5 2.0 --out results/`
 
@@ -115,7 +118,7 @@ def run(
         tell=lambda line: console.print(line, markup=False, emoji=False, highlight=False, soft_wrap=True),
     )
     names = planner_list(planner)
-    with Evaluation(settings, names, out, overwrite=overwrite) as evaluation:
+    with Evaluation(settings, names, out, label=label, overwrite=overwrite) as evaluation:
         if warning := evaluation.limit_warning():
             console.print("[bold yellow]warning:[/]", escape(warning), emoji=False, highlight=False, soft_wrap=True)
         crashed = run_and_show(evaluation, names, jobs, console)

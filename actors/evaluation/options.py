@@ -41,6 +41,10 @@ Limit = Annotated[
     int | None,
     typer.Option("--limit", min=1, metavar="N", help="Only N maps, spread evenly. [default: all; 100 of a generator]"),
 ]
+Label = Annotated[
+    str | None,
+    typer.Option("--label", metavar="NAME", help="Name of the one planner in the results. [default: its own]"),
+]
 ConfigFile = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="TOML or JSON file with mapping, task and simulator settings."),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
 import os
+import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Literal, Protocol, TypeVar
@@ -15,6 +17,8 @@ from common.system.text_files import decode_text
 
 # Coordinates and distances are rounded to so many places: far below a cell, and files stay small.
 PLACES = 4
+# A packed file may unpack to so many bytes: ten times what a hundred episodes in large worlds take.
+LARGEST = 1 << 28
 
 Distance = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Coordinate = Annotated[float, Field(allow_inf_nan=False)]
@@ -158,7 +162,8 @@ def read_results(path: Path) -> Results:
 def read_record(path: Path, kind: type[R], command: str) -> R:
     """Read and check results of some kind, which a command makes. See `read_results`."""
     try:
-        return kind.model_validate_json(decode_text(path.read_bytes()))
+        data = path.read_bytes()
+        return kind.model_validate_json(decode_text(_unpacked(data) if path.suffix == ".gz" else data))
     except OSError as error:
         raise ResultsError(f"cannot read {path} ({error.strerror}): name a results file of '{command}'") from error
     except ValidationError as error:
@@ -171,8 +176,33 @@ def read_record(path: Path, kind: type[R], command: str) -> R:
         raise ResultsError(f"{path} is no results file of '{command}': {error}") from error
 
 
+def write_packed(path: Path, place: Path) -> None:
+    """Write a results file once more, packed for keeping: equal results give equal bytes.
+
+    Raises:
+        ResultsError: one of both files cannot be read or written.
+    """
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(gzip.compress(path.read_bytes(), mtime=0))
+    except OSError as error:
+        raise ResultsError(f"cannot pack {path} into {place} ({error.strerror}): check both") from error
+
+
+def _unpacked(data: bytes) -> bytes:
+    """Return what gzip packed; ValueError where that is damaged, or would be larger than `LARGEST`."""
+    unpacking = zlib.decompressobj(wbits=16 + zlib.MAX_WBITS)
+    try:
+        found = unpacking.decompress(data, LARGEST)
+    except zlib.error as error:
+        raise ValueError(f"it is no whole gzip file ({error})") from None
+    if not unpacking.eof:
+        raise ValueError(f"it is cut off, or unpacks to more than {LARGEST >> 20} MiB")
+    return found
+
+
 def collect_results(places: Sequence[Path]) -> list[Results]:
-    """Read results files, and all of those in folders; in the order given, those of a folder by name.
+    """Read results files, and all of those in folders, packed ones too; in the order given, those of a folder by name.
 
     Raises:
         ResultsError: there is none, a file is damaged, two have the same planner, or tasks and scales differ.
@@ -184,7 +214,7 @@ def collect(places: Sequence[Path], read: Callable[[Path], A], command: str) -> 
     """Read results of some kind, which a command makes. See `collect_results`."""
     files: list[Path] = []
     for place in places:
-        files += sorted(place.glob("*.json")) if place.is_dir() else [place]
+        files += sorted([*place.glob("*.json"), *place.glob("*.json.gz")]) if place.is_dir() else [place]
     if not files:
         raise ResultsError(f"there are no results files in {', '.join(map(str, places))}: make some with '{command}'")
     found = [read(file) for file in files]

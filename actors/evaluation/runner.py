@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from actors.evaluation.journal import Journal
 from actors.evaluation.large.results import large_results
@@ -18,6 +19,7 @@ from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.step_limit import warn_of_limit
 from actors.evaluation.worlds import WorldSet
 from common.errors import ConfigError, LockedError
+from common.ids import check_id
 from common.system.closing import Closing
 from common.system.code_state import code_state, commit_of
 from common.system.file_lock import FileLock
@@ -60,7 +62,13 @@ class Evaluation(Closing):
     """
 
     def __init__(
-        self, settings: EvaluationSettings, planners: Sequence[str], out: Path, *, overwrite: bool = False
+        self,
+        settings: EvaluationSettings,
+        planners: Sequence[str],
+        out: Path,
+        *,
+        label: str | None = None,
+        overwrite: bool = False,
     ) -> None:
         """Check everything that can be checked before the work starts, and read what was done already.
 
@@ -68,6 +76,7 @@ class Evaluation(Closing):
             settings: what the episodes are.
             planners: their names, `omniscient` being the reference.
             out: folder of the results; made when missing.
+            label: name of the only planner in the results, so that policies can be told apart; None for its own.
             overwrite: forget what was done already.
 
         Raises:
@@ -78,6 +87,9 @@ class Evaluation(Closing):
         self._planners = list(dict.fromkeys(planners))
         if not self._planners:
             raise ConfigError("no planner given: use --planner NAME[,NAME...], see 'hd-eval planners'")
+        if label is not None:
+            check_label(label, self._planners)
+        self._label = label
         for planner in self._planners:
             settings.make(planner)
         self._worlds = WorldSet.open(settings.maps, settings.task.name, settings.metres_per_pixel, settings.limit)
@@ -90,11 +102,11 @@ class Evaluation(Closing):
                     opened.enter_context(self._lock(planner))
                 if overwrite:
                     for planner in self._planners:
-                        self._path(out, planner, "jsonl").unlink(missing_ok=True)
+                        self._path(planner, "jsonl").unlink(missing_ok=True)
             except OSError as error:
                 raise ResultsError(f"cannot use the folder {out} ({error.strerror}): choose another --out") from error
             self._journals = {
-                planner: Journal.open(self._path(out, planner, "jsonl"), settings.fingerprint(planner))
+                planner: Journal.open(self._path(planner, "jsonl"), self._fingerprint(planner))
                 for planner in self._planners
             }
             self._locks = opened.pop_all()
@@ -170,10 +182,15 @@ class Evaluation(Closing):
 
     def results_file(self, planner: str) -> Path:
         """Return where a planner's results are."""
-        return self._path(self._out, planner, "json")
+        return self._path(planner, "json")
+
+    def _fingerprint(self, planner: str) -> dict[str, Any]:
+        """Return what episodes depend on; with a label, the file's name no longer says whose they are."""
+        found = self._settings.fingerprint(planner)
+        return found if self._label is None else {**found, "planner": planner}
 
     def _lock(self, planner: str) -> FileLock:
-        journal = self._path(self._out, planner, "jsonl")
+        journal = self._path(planner, "jsonl")
         try:
             return FileLock(journal.with_name(f".{journal.stem}.lock"))
         except LockedError as error:
@@ -205,19 +222,31 @@ class Evaluation(Closing):
         settings = self._settings
         if settings.large:
             large = large_results(settings, planner, commit, self.worlds, named)
+            large = large.model_copy(update={"planner": self._label or planner})
             write_record(self.results_file(planner), large, large.episodes)
             return
         results = Results(
             task=settings.task.kind.name,
             metres_per_pixel=self._worlds.metres_per_pixel,
             sensor_range_m=settings.mapping.sensor_range,
-            planner=planner,
+            planner=self._label or planner,
             commit=commit,
             seed=settings.seed,
             episodes=[outcome.result(name) for name, outcome in named],
         )
         write_results(self.results_file(planner), results)
 
-    @staticmethod
-    def _path(folder: Path, planner: str, suffix: str) -> Path:
-        return folder / f"{planner.replace(':', '.')}.{suffix}"
+    def _path(self, planner: str, suffix: str) -> Path:
+        return self._out / f"{(self._label or planner).replace(':', '.')}.{suffix}"
+
+
+def check_label(label: str, planners: Sequence[str]) -> None:
+    """Raise ConfigError when a label cannot name the only planner in results."""
+    if len(planners) != 1:
+        raise ConfigError(
+            f"--label names one planner, got {len(planners)} ({', '.join(planners)}): run them one by one"
+        )
+    try:
+        check_id(label, "--label")
+    except ValueError as error:
+        raise ConfigError(str(error)) from None

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from actors.evaluation.options import ConfigFile, Overrides, ResultsPaths, TableFormat, TaskName, write_text
+from actors.evaluation.options import ConfigFile, Label, Overrides, ResultsPaths, TableFormat, TaskName, write_text
 from actors.evaluation.progress import planner_list, run_and_show
 from common.cli import EXIT_ERROR, command_errors, message_console
 from common.system.logs import setup_logging
@@ -55,6 +55,7 @@ def large(
     policy: Annotated[
         Path | None, typer.Option("--policy", metavar="FILE", help="Policy (.safetensors) of the planner `hdplanner`.")
     ] = None,
+    label: Label = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Processes; 0 for one per core.")] = 0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of planners, simulator and tours.")] = 0,
     time_limit: Annotated[
@@ -103,7 +104,7 @@ def large(
         targets=targets,
     )
     names = planner_list(planner)
-    with Evaluation(settings, names, out, overwrite=overwrite) as evaluation:
+    with Evaluation(settings, names, out, label=label, overwrite=overwrite) as evaluation:
         crashed = run_and_show(evaluation, names, jobs, console)
     if crashed:
         raise typer.Exit(EXIT_ERROR)

@@ -1,8 +1,16 @@
+import gzip
 import json
 
 import pytest
 
-from actors.evaluation.results import ResultsError, collect_results, read_results, write_results
+from actors.evaluation.results import (
+    LARGEST,
+    ResultsError,
+    collect_results,
+    read_results,
+    write_packed,
+    write_results,
+)
 from tests.actors.evaluation.small import results
 
 
@@ -45,6 +53,24 @@ def test_a_map_that_stands_twice_is_refused(tmp_path):
     path.write_text(json.dumps(data))
     with pytest.raises(ResultsError, match="more than once"):
         read_results(path)
+
+
+def test_packed_results_are_read_like_others_and_damage_is_named(tmp_path):
+    write_results(tmp_path / "a.json", results("a"))
+    write_packed(tmp_path / "a.json", tmp_path / "kept" / "a.json.gz")
+    (packed,) = tmp_path.glob("kept/*")
+    assert collect_results([tmp_path / "kept"]) == [results("a")]
+    whole = packed.read_bytes()
+    write_packed(tmp_path / "a.json", packed)
+    assert packed.read_bytes() == whole
+    for damaged, word in (
+        (whole[:-9], "cut off"),
+        (b"{}", "no whole gzip file"),
+        (gzip.compress(bytes(LARGEST + 1), 1), "more than 256 MiB"),
+    ):
+        packed.write_bytes(damaged)
+        with pytest.raises(ResultsError, match=word):
+            collect_results([packed])
 
 
 def test_files_and_folders_are_collected(tmp_path):

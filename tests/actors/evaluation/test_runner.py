@@ -53,6 +53,20 @@ def test_other_settings_do_not_mix(done):
         Evaluation(settings(seed=1), ["greedy"], out)
 
 
+def test_a_label_names_a_planner_in_its_results(tmp_path, done):
+    with Evaluation(settings(), ["greedy"], tmp_path, label="mine") as evaluation:
+        evaluation.run(1)
+    greedy, mine = read_results(done[0] / "greedy.json"), read_results(tmp_path / "mine.json")
+    assert mine.planner == "mine"
+    assert [episode.waypoints for episode in mine.episodes] == [episode.waypoints for episode in greedy.episodes]
+    with pytest.raises(ResultsError, match="planner: 'greedy' in the results, 'nearest' now"):
+        Evaluation(settings(), ["nearest"], tmp_path, label="mine")
+    with pytest.raises(ConfigError, match=r"names one planner, got 2 \(greedy, nearest\)"):
+        Evaluation(settings(), ["greedy", "nearest"], tmp_path, label="mine")
+    with pytest.raises(ConfigError, match="lower-case letters"):
+        Evaluation(settings(), ["greedy"], tmp_path, label="../mine")
+
+
 def test_another_policy_in_the_same_file_is_another_setting(tmp_path):
     policy = tmp_path / "policy.safetensors"
     prints = []
