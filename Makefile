@@ -15,7 +15,7 @@ JSON ?= build/bench.json
 PARALLEL := -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help install run demo check test test-twice test-all test-page ros-environment test-ros lint types format docs bench bench-compare soak faults fuzz clean
+.PHONY: help install run demo check test test-twice test-all test-page ros-environment test-ros lint types format docs bench bench-compare paper soak faults fuzz clean
 
 help:  ## show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -94,6 +94,10 @@ bench: $(STAMP)  ## measure: decision step, simulators, inference, actors, updat
 bench-compare: $(STAMP)  ## what changed between two files of `make bench`: A=OLD.json B=NEW.json
 	@[ -n "$(A)" ] && [ -n "$(B)" ] || { echo 'expected two files: make bench-compare A=OLD.json B=NEW.json'; exit 2; }
 	$(BIN)/python -m benchmarks.compare $(A) $(B)
+
+paper: $(STAMP)  ## the paper's tables with all trainings behind them, in docs/paper.md and release/paper: MAPS=FOLDER (docs/paper.md)
+	@[ -n "$(MAPS)" ] || { echo 'expected the folder of the public maps: make paper MAPS=FOLDER'; exit 2; }
+	$(BIN)/python -m benchmarks.paper --maps $(MAPS)
 
 soak: $(STAMP)  ## half an hour of physics with a fault every minute: a table of each stop (MINUTES=30)
 	$(BIN)/python -m benchmarks.soak --minutes $(MINUTES)

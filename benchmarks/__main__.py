@@ -20,14 +20,14 @@ from typing import Any, Final
 
 from rich.table import Table
 
+from benchmarks.blocks import with_block
 from benchmarks.record import Record, markdown, number
 from common.cli import output_console
 from common.errors import ConfigError
 from common.system.runtime import process_environment
 
 PAGE: Final = Path(__file__).parents[1] / "docs" / "speed.md"
-BEGIN: Final = "<!-- made by `python -m benchmarks --page FILE` -->\n"
-END: Final = "<!-- end -->\n"
+BEGIN: Final = "<!-- made by `python -m benchmarks --page FILE` -->"
 _SMALL_WORLDS: Final = "generator:rooms?width=256&height=192"
 
 
@@ -103,12 +103,8 @@ def measure(name: str, short: bool, folder: Path) -> dict[str, float] | None:
 
 def write_page(record: Record, page: Path) -> None:
     """Put a record into the page about speed, in the place of the one before."""
-    head, begin, rest = page.read_text("utf-8").partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not begin or not end:
-        raise ConfigError(f"{page}: expected the lines {BEGIN.strip()!r} and {END.strip()!r}")
     table = markdown(record, {name: part.what for name, part in PARTS.items()})
-    page.write_text(f"{head}{BEGIN}{table}\n{END}{tail}", "utf-8")
+    page.write_text(with_block(page.read_text("utf-8"), BEGIN, table), "utf-8")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

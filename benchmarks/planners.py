@@ -8,7 +8,6 @@ beside it are made anew from these files alone; the words are left as they are, 
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from actors.evaluation import plots
 from actors.evaluation.options import settings_of
 from actors.evaluation.results import Results, collect_results
 from actors.evaluation.table import make_rows, notes, render
+from benchmarks.blocks import with_block
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 PICTURES = "pictures/benchmarks"
@@ -49,17 +49,6 @@ def typical_map(found: Sequence[Results]) -> str:
     return sorted(means, key=means.__getitem__)[len(means) // 2]
 
 
-def put(page: str, task: str, text: str) -> str:
-    """Return the page with the table of a task exchanged."""
-    begin, end = f"<!-- table of {task}: made by benchmarks.planners -->", f"<!-- end of the table of {task} -->"
-    changed, count = re.subn(
-        f"(?<={re.escape(begin)}).*?(?={re.escape(end)})", lambda _: f"\n\n{text}\n\n", page, flags=re.DOTALL
-    )
-    if count != 1:
-        raise SystemExit(f"{PAGE} needs the lines {begin!r} and {end!r}, once each: put them back")
-    return changed
-
-
 def main() -> None:
     """Make tables and pictures of all tasks that have results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -74,7 +63,7 @@ def main() -> None:
         found = collect_results([folder])
         # The shortest first, planners that failed on maps by their distance so far.
         found.sort(key=lambda results: float(np.mean([episode.distance_m for episode in results.episodes])))
-        page = put(page, task, table_of(found, baseline))
+        page = with_block(page, f"<!-- table of {task}: made by benchmarks.planners -->", table_of(found, baseline))
         picture = PAGE.parent / PICTURES
         plots.plot_boxes(found, picture.with_name(f"{picture.name}-{task}-boxes.png"))
         plots.plot_scatter(found, baseline, picture.with_name(f"{picture.name}-{task}-scatter.png"))

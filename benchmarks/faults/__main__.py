@@ -24,6 +24,7 @@ from typing import Final
 
 from rich.console import Console
 
+from benchmarks.blocks import read_block, with_block
 from benchmarks.faults import crowd, processes, storage
 from benchmarks.faults.rig import Rig
 from benchmarks.faults.table import Row, machine, merged, table
@@ -34,8 +35,7 @@ from tests.rigs.disk import MountRefusedError, mounted
 log = logging.getLogger(__name__)
 
 PAGE: Final = Path(__file__).parents[2] / "docs" / "faults.md"
-BEGIN: Final = "<!-- made by `python -m benchmarks.faults --page` -->\n"
-END: Final = "<!-- end -->\n"
+BEGIN: Final = "<!-- made by `python -m benchmarks.faults --page` -->"
 _DISK_MEGABYTES: Final = 256
 
 
@@ -110,9 +110,8 @@ def _timed(name: str, act: Callable[[], Row]) -> Row:
 
 def write_page(rows: Sequence[Row]) -> None:
     """Put rows into the table of docs/faults.md, in the place of earlier ones of the same faults."""
-    head, _, rest = PAGE.read_text("utf-8").partition(BEGIN)
-    before, _, tail = rest.partition(END)
-    PAGE.write_text(f"{head}{BEGIN}{merged(before, rows, NAMES)}\n{END}{tail}", "utf-8")
+    page = PAGE.read_text("utf-8")
+    PAGE.write_text(with_block(page, BEGIN, merged(read_block(page, BEGIN), rows, NAMES)), "utf-8")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

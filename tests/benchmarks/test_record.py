@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks import __main__ as benchmarks
 from benchmarks import compare
+from benchmarks.blocks import END
 from benchmarks.record import RATIOS, Record
 
 FIGURES = {"inference": {"inference/small/torch_ms": 4.0, "inference/small/decision_ms": 2.0}, "replay": {"x_ms": 1.0}}
@@ -50,7 +51,7 @@ def test_another_file_is_refused_in_one_line(tmp_path, content, capsys):
 
 def test_the_page_is_made_from_a_file(tmp_path, monkeypatch):
     page = tmp_path / "speed.md"
-    page.write_text(f"before\n\n{benchmarks.BEGIN}old\n{benchmarks.END}\nafter\n")
+    page.write_text(f"before\n\n{benchmarks.BEGIN}\n\nold\n\n{END}\nafter\n")
     monkeypatch.setattr(benchmarks, "PAGE", page)
     Record.of(FIGURES, 0.0).write(tmp_path / "bench.json")
     assert benchmarks.main(["--page", str(tmp_path / "bench.json")]) == 0

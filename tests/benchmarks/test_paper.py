@@ -1,0 +1,128 @@
+"""The paper's tables: what is claimed is judged from results, and a page says what is there and what is not."""
+
+import dataclasses
+import shutil
+
+import numpy as np
+import pytest
+
+from actors.evaluation.results import EpisodeResult, Results, write_packed, write_results
+from actors.maps.clear_space import clear_space
+from actors.maps.connectivity import reachable
+from actors.maps.sources import open_sources
+from benchmarks.paper import page as pages
+from benchmarks.paper import plan
+from benchmarks.paper.claims import CLAIMS, drives, succeeds
+from benchmarks.paper.plan import TABLES, TRAININGS, Place, Row, work
+from benchmarks.paper.scenes import garden, laboratory, make_scenes, start_places
+from benchmarks.paper.steps import Folders, StepError, Steps, read_costs
+from common.config.load import load_config
+from tests.plans import office_floor
+
+
+def results(label, distances, success=True):
+    episodes = [
+        EpisodeResult(
+            map=f"{number}.png",
+            waypoints=[(0.0, 0.0)],
+            distance_m=distance,
+            steps=1,
+            success=success,
+            explored_rate=1.0,
+            decision_ms={"median": 2.0, "p95": 3.0},
+        )
+        for number, distance in enumerate(distances)
+    ]
+    return Results(
+        task="exploration",
+        metres_per_pixel=0.25,
+        sensor_range_m=20.0,
+        planner=label,
+        commit="c",
+        seed=0,
+        episodes=episodes,
+    )
+
+
+def folders(tmp_path):
+    return Folders(tmp_path / "maps", tmp_path / "work", tmp_path / "release")
+
+
+def test_a_ratio_holds_on_the_published_side_of_one_alone():
+    tare = results("tare", [100.0, 110.0, 120.0, 130.0])
+    shorter = [results(f"cnn-{seed}", [80.0 + seed, 88.0, 96.0, 104.0]) for seed in (0, 1)]
+    found = {"exploration": [tare, *shorter, results("mixed", [90.0, 121.0, 130.0, 120.0])]}
+    verdict = drives("exploration", "cnn", "tare", 0.9)(found)
+    assert verdict.figure.startswith("0.801 (")
+    assert verdict.words == "holds (2 of 3 seeds)"
+    assert drives("exploration", "cnn", "tare", 1.056)(found).words.startswith("does not hold")
+    assert drives("exploration", "mixed", "tare", 0.9)(found).words.startswith("not decided")
+    assert drives("exploration", "ariadne", "dsvp", 0.9)(found).words == "not finished: ariadne and dsvp"
+    assert succeeds("exploration", "cnn", 0.9)(found).words == "holds"
+
+
+def test_the_page_shows_what_is_there_and_names_what_is_not(tmp_path):
+    here = folders(tmp_path)
+    table = TABLES[0]
+    for label, distances in (("tare", [100.0, 110.0]), ("greedy", [90.0, 105.0])):
+        write_results(tmp_path / "one.json", results(label, distances))
+        write_packed(tmp_path / "one.json", here.packed(table, Row(label, label)))
+    copy = tmp_path / "paper.md"
+    shutil.copyfile(pages.PAGE, copy)
+    pages.write_page(here, copy)
+    text = copy.read_text()
+    assert "| greedy | 2 | 390.0 |" in text
+    assert "`nearest` (not run)" in text
+    assert "`hdplanner-0` (training: 0 of 3,000 updates)" in text
+    assert "| hdplanner-exploration-0 | exploration | not begun | - |" in text
+    assert text.count("not finished: ") >= len(CLAIMS) - 3
+    pages.write_page(here, copy)
+    assert copy.read_text() == text
+
+
+def test_a_row_is_run_once_and_a_failure_is_named(tmp_path, monkeypatch):
+    here = folders(tmp_path)
+    options = ("--maps", "generator:rooms?width=256&height=192", "--limit", "1")
+    table = dataclasses.replace(TABLES[0], options=options, rows=(Row("mine", "greedy"),))
+    steps = Steps(here)
+    place = Place(table, table.rows[0])
+    steps.evaluate(place)
+    packed = here.packed(table, place.row)
+    before, spent = packed.read_bytes(), read_costs(here)
+    assert spent["exploration-mine"].core_hours > 0.0
+    steps.evaluate(place)
+    assert (packed.read_bytes(), read_costs(here)) == (before, spent)
+    with pytest.raises(StepError, match=r"exploration-none failed with exit code 1: see .*exploration-none\.log"):
+        steps.evaluate(Place(table, Row("none", "gredy")))
+    steps.stop()
+    with pytest.raises(StepError, match="stopped"):
+        steps.evaluate(Place(table, Row("other", "greedy")))
+
+
+def test_everything_that_is_planned_can_be_begun(tmp_path):
+    for training in TRAININGS:
+        options = folders(tmp_path).filled(training.options(1))
+        config = load_config(preset=options[1], overrides=options[3::2])
+        assert (config.learner.total_updates, config.seed) == (plan.UPDATES, 1)
+        assert config.task.name == training.task
+    steps = [needs for needs, _ in work()]
+    assert steps.index((TRAININGS[0], 1)) > max(
+        k for k, needs in enumerate(steps) if needs is None or needs[1] == 0
+    )
+    planned = [place for _, places in work() for place in places]
+    assert sorted(map(repr, planned)) == sorted(repr(Place(table, row)) for table in TABLES for row in table.rows)
+
+
+def test_scenes_leave_no_place_unreachable_and_start_far_apart(tmp_path):
+    (tmp_path / "maps" / "cmu").mkdir(parents=True)
+    world = office_floor().world
+    for free in (laboratory(), garden()):
+        scene = dataclasses.replace(world, free=free, start=(1.5, 1.5))
+        clear, begin = clear_space(scene, 0.25)
+        assert np.count_nonzero(reachable(clear, begin)) > 0.97 * np.count_nonzero(clear)
+    places = np.array(start_places(world, 4))
+    gaps = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
+    assert gaps[np.triu_indices(4, 1)].min() > 6.0
+    with pytest.raises(Exception, match="hd-eval maps cmu"):
+        make_scenes(tmp_path / "maps", tmp_path / "scenes")
+    assert open_sources([str(tmp_path / "scenes" / "garden")], None, "exploration").world(0).start == (1.5, 1.5)
