@@ -175,7 +175,7 @@ class Mission:
         with self._lock:
             if self._orders.home is None:
                 raise CommandError(
-                    "there is no home yet, it is where the robot is at the first `start`: send that, with its pose known"
+                    "there is no home yet, it is where the robot is at `start`: send that, with its pose known"
                 )
             if self._orders.phase is not Phase.RETURNING:
                 self._change(Phase.RETURNING, reason, new_episode=True)

@@ -106,9 +106,7 @@ def test_everything_that_is_planned_can_be_begun(tmp_path):
         assert (config.learner.total_updates, config.seed) == (plan.UPDATES, 1)
         assert config.task.name == training.task
     steps = [needs for needs, _ in work()]
-    assert steps.index((TRAININGS[0], 1)) > max(
-        k for k, needs in enumerate(steps) if needs is None or needs[1] == 0
-    )
+    assert steps.index((TRAININGS[0], 1)) > max(k for k, needs in enumerate(steps) if needs is None or needs[1] == 0)
     planned = [place for _, places in work() for place in places]
     assert sorted(map(repr, planned)) == sorted(repr(Place(table, row)) for table in TABLES for row in table.rows)
 
