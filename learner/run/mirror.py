@@ -52,6 +52,7 @@ class Mirror(Closing):
         self._remote = RemoteFolder(f"{url.rstrip('/')}/{run.name}")
         self._wanted = threading.Event()
         self._closed = threading.Event()
+        self._given_up = threading.Event()
         self._failed = False
         self._thread = threading.Thread(target=self._work, name="mirror of checkpoints", daemon=True)
         self._thread.start()
@@ -67,13 +68,19 @@ class Mirror(Closing):
         self._thread.join(LAST_SECONDS)
         if self._thread.is_alive():
             logger.error("%s did not take the last checkpoint within %.0f s", self._remote.url, LAST_SECONDS)
+            self._given_up.set()
 
     def _work(self) -> None:
-        while not self._closed.is_set():
+        while not self._given_up.is_set():
             self._wanted.wait()
             self._wanted.clear()
-            if not self._push() and not self._closed.wait(RETRY_SECONDS):
+            # What is pushed may be older than what was written last before the end: only a push after it is the last.
+            last = self._closed.is_set()
+            if not self._push():
                 self._wanted.set()
+                (self._given_up if last else self._closed).wait(RETRY_SECONDS)
+            elif last:
+                return
 
     def _push(self) -> bool:
         """Copy everything that is not there yet; return whether all of it is there now."""

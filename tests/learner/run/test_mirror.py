@@ -2,6 +2,7 @@
 
 import logging
 import shutil
+import threading
 
 import numpy as np
 import pytest
@@ -109,6 +110,30 @@ def test_training_goes_on_while_the_storage_is_away(tmp_path, monkeypatch, caplo
         assert eventually(lambda: "000000002" in RemoteFolder(f"{url}/test").names("checkpoints"))
         trainer.close()
     assert caplog.text.count("no route to the bucket") == 1
+
+
+def test_a_checkpoint_that_is_written_while_another_is_on_its_way_arrives_before_the_end(tmp_path, monkeypatch):
+    on_its_way, last_written = threading.Event(), threading.Event()
+    put = RemoteFolder.put
+
+    def slow(self, file, name):
+        put(self, file, name)
+        if name == "checkpoints/000000001/manifest.json":
+            on_its_way.set()
+            last_written.wait(30.0)
+
+    monkeypatch.setattr(RemoteFolder, "put", slow)
+    url = f"file://{tmp_path}/elsewhere"
+    with RunFolder.create(tmp_path / "runs", small_config(checkpoints={"mirror": url})) as run:
+        trainer, _ = make_trainer(run)
+        trainer.begin()
+        made = episodes(2)
+        train(trainer, made[:6], 1)
+        assert on_its_way.wait(30.0)
+        train(trainer, made[6:], 1)
+        threading.Timer(0.2, last_written.set).start()
+        trainer.close()
+    assert "000000002" in RemoteFolder(f"{url}/test").names("checkpoints")
 
 
 def test_what_cannot_be_fetched_is_said_in_one_line_and_leaves_nothing(tmp_path):
