@@ -17,8 +17,8 @@ KUBERNETES = CLUSTER / "kubernetes"
 
 LEARNER = """#!/bin/bash
 echo "$@" >> "$STUB/calls"
-mkdir -p "$HD_RUNS/slurm/checkpoints"
-trap 'mkdir -p "$HD_RUNS/slurm/checkpoints/000000010"; exit 0' TERM
+mkdir -p "$HDPLANNER_RUNS/slurm/checkpoints"
+trap 'mkdir -p "$HDPLANNER_RUNS/slurm/checkpoints/000000010"; exit 0' TERM
 touch "$STUB/up"
 while :; do sleep 0.05; done
 """
@@ -42,8 +42,8 @@ def slurm(tmp_path):
     environment = os.environ | {
         "PATH": f"{tmp_path}:{os.environ['PATH']}",
         "STUB": str(tmp_path),
-        "HD_RUNS": str(tmp_path / "runs"),
-        "HD_LOOK": "0.1",
+        "HDPLANNER_RUNS": str(tmp_path / "runs"),
+        "HDPLANNER_LOOK": "0.1",
         "SLURM_JOB_ID": "7",
         "SLURM_ARRAY_JOB_ID": "8",
         "SLURM_ARRAY_TASK_ID": "3",
