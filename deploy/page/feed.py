@@ -109,7 +109,7 @@ class RobotFeed:
                 self._heard = self._clock()
 
     def forget(self) -> None:
-        """Begin anew, as a recording does that goes back: series are emptied with the next refresh."""
+        """Begin anew, as a recording does that goes back: with the next refresh nothing is known of the robot."""
         with self._lock:
             self._newest.clear()
             self._decisions.clear()
@@ -133,8 +133,7 @@ class RobotFeed:
                 self._decisions = [*decisions, *self._decisions]
             return
         if self._forgotten and self.name:
-            for series in ("way", "events", "decisions"):
-                hub.clear(self._channel(series))
+            hub.drop(self._channel(""))
         self._forgotten = False
         # The status tells the name, and the pose where no odometry does; the scan is placed by either.
         for role in sorted(newest, key=_ORDER.index):
