@@ -13,17 +13,8 @@ from actors.driver import Choice, Driver
 from actors.environment import Environment
 from common.bus.views import ViewPublisher
 from common.messages.experience import End
-from common.messages.view import (
-    MAX_CELLS,
-    MAX_EDGES,
-    MAX_PLACES,
-    MAX_VIEWPOINTS,
-    PLAIN,
-    USEFUL,
-    VISITED,
-    EpisodeView,
-    Places,
-)
+from common.messages.places import viewpoint_kinds
+from common.messages.view import MAX_CELLS, MAX_EDGES, MAX_PLACES, MAX_VIEWPOINTS, EpisodeView, Places
 from common.system.printable import printable
 from common.system.threads import Complaints
 
@@ -75,10 +66,9 @@ def view_of(actor: str, family: str, environment: Environment, driver: Driver, c
     mapper, belief = environment.mapper, environment.mapper.belief
     cells, resolution = _bounded(belief.cells, belief.resolution)
     viewpoints = mapper.viewpoints[:MAX_VIEWPOINTS]
-    kinds, edges, beacons = np.zeros(len(viewpoints), np.int64), np.empty((0, 2), np.int64), _NOWHERE
+    kinds, edges, beacons = np.zeros(len(viewpoints), np.uint8), np.empty((0, 2), np.int64), _NOWHERE
     if not mapper.stuck:
-        seen = mapper.observe()
-        kinds = np.where(seen.utility > 0, USEFUL, np.where(seen.visited, VISITED, PLAIN))[: len(viewpoints)]
+        kinds = viewpoint_kinds(mapper.observe())[: len(viewpoints)]
         pairs = mapper.edges
         edges = pairs[pairs[:, 1] < len(viewpoints)][:MAX_EDGES]
         beacons = _places(mapper.beacons)
@@ -98,7 +88,7 @@ def view_of(actor: str, family: str, environment: Environment, driver: Driver, c
         origin=belief.origin,
         cells=cells,
         viewpoints=viewpoints.astype(np.float32),
-        kinds=kinds.astype(np.uint8),
+        kinds=kinds,
         edges=edges.astype(np.uint16),
         frontiers=_places(mapper.frontiers),
         beacons=beacons,

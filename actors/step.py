@@ -14,7 +14,7 @@ class StepInfo:
 
     Attributes:
         reason: why the episode ended, one of `complete`, `step limit`, `nothing useful left`, `target unreachable`,
-            `stuck`, `blocked`; empty while it goes on.
+            `stuck`, `blocked`; empty while the episode runs.
         complete: the task is complete.
         explored: share of the reachable free area that was seen, 0 to 1.
         blocked: the robot did not reach the waypoint.

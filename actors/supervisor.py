@@ -119,7 +119,7 @@ class Supervisor:
         self._stopping += 1
 
     def _watch(self, child: _Child) -> bool:
-        """Look after one actor; return True when there is no point in going on."""
+        """Look after one actor; return True when there is no point in continuing."""
         now = time.monotonic()
         if child.process is None:
             if now >= child.due:

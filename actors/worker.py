@@ -179,7 +179,7 @@ class Worker:
         try:
             spec = fetch_spec(session, self.options.run, timeout=1.0)
         except BusError:
-            # It is gone again; what is known goes on holding until it answers.
+            # It is gone again; what is known holds until it answers.
             return None
         parts.learner = spec.learner
         return spec

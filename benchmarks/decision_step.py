@@ -37,7 +37,7 @@ def default_source() -> str:
 def walk(world: GridMap, resolution: float) -> list[tuple[float, ...]]:
     """Explore one world and return the seconds of each stage (`STAGES`) for every decision.
 
-    The robot goes on to the nearest useful viewpoint where it has not been, and keeps to it until it is useful no
+    The robot then drives to the nearest useful viewpoint where it has not been, and keeps to it until it is useful no
     more or reached.
     """
     config = MappingConfig(resolution=resolution)

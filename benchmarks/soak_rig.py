@@ -36,7 +36,7 @@ _STEADY: Final = 0.7
 
 
 class SoakError(HDError):
-    """The soak cannot go on."""
+    """The soak cannot continue."""
 
 
 class Rig(Closing):

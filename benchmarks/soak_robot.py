@@ -124,7 +124,7 @@ class SoakRobot(Closing):
 
     @property
     def lives(self) -> bool:
-        """Whether the simulation goes on."""
+        """Whether the simulation runs."""
         return self._thread.is_alive()
 
     def since(self, moment: float) -> list[Motion]:

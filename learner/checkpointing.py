@@ -51,7 +51,7 @@ class CheckpointSchedule:
         self._wanted.clear()
 
     def note_done(self) -> None:
-        """Let those go on who wait for the checkpoint that they asked for."""
+        """Release those who wait for the checkpoint that they asked for."""
         with self._done:
             self._made += 1
             self._done.notify_all()
@@ -74,7 +74,7 @@ class CheckpointSchedule:
 
 
 class Checkpointer:
-    """Writes all that training needs to go on into a checkpoint, and puts it back.
+    """Writes all that training needs to continue into a checkpoint, and puts it back.
 
     Args:
         config: of the run.

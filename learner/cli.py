@@ -154,7 +154,7 @@ def resume(
 
     - `hd-learner resume --run office --set learner.total_updates=40000` continues beyond its first goal.
 
-    - `hd-learner resume --run office --from s3://bucket/runs` goes on here with what another machine left there.
+    - `hd-learner resume --run office --from s3://bucket/runs` continues here with what another machine left there.
     """
     from learner.run.folder import check_run
 

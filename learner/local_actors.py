@@ -32,7 +32,7 @@ def local_endpoint(listen: str) -> str:
 class LocalActors(Closing):
     """One `hd-actor` command with several actors; it ends with this process, whatever happens to that.
 
-    Its output appears in our log, line by line. When it ends by itself, the log says so and training goes on.
+    Its output appears in our log, line by line. When it ends by itself, the log says so and training continues.
 
     Args:
         bus: of the run.

@@ -127,7 +127,7 @@ class Link(Closing):
         self._server.close()
 
     def _give_way(self) -> None:
-        """Hold while an earlier learner of the run is in sight, and go on once it is gone."""
+        """Hold while an earlier learner of the run is in sight, and continue once it is gone."""
         holds = self._rivals.earlier(self._presence.present())
         if holds == self._trainer.held:
             return

@@ -19,7 +19,7 @@ _PREFIX = "since-"
 class Rivals(Closing):
     """Shows since when this learner works, and tells whether an earlier one of the run is there.
 
-    All learners that see each other compare the same texts, so exactly one of them goes on.
+    All learners that see each other compare the same texts, so exactly one of them continues.
 
     Args:
         session: of this learner.

@@ -33,7 +33,7 @@ def run_and_show(evaluation: Evaluation, planners: Sequence[str], jobs: int, con
 
     Raises:
         HDError: the processes cannot start, or the results cannot be written.
-        KeyboardInterrupt: on SIGINT or SIGTERM; the results hold what was done, and the console was told how to go on.
+        KeyboardInterrupt: on SIGINT or SIGTERM; the results hold what was done, and the console said how to continue.
     """
     tell_of_kernels(console, "common", "actors")
     rows = list(dict.fromkeys(planners))

@@ -21,7 +21,7 @@ class Moment:
     Attributes:
         number: of the waypoint, 0 for the start.
         pose: where the robot stands.
-        mapper: what it knows; changes as the route goes on.
+        mapper: what it knows; changes along the route.
         coverage: what it has seen of the true map; changes likewise.
         distance: travelled metres.
         known: the way here was known to be free before it was driven.

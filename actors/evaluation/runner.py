@@ -49,7 +49,7 @@ class Evaluation(Closing):
     """All episodes of some planners on some worlds, in a folder.
 
     For each planner the folder holds `<planner>.json`, the results, and `<planner>.jsonl`, the journal that lets a
-    broken-off run go on; until it is closed, no other evaluation of the same planners can use the folder. Episodes
+    broken-off run continue; until it is closed, no other evaluation of the same planners can use the folder. Episodes
     depend on the seed and on nothing else, so the number of processes changes nothing.
 
     Usage::

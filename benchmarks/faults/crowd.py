@@ -61,7 +61,7 @@ def deaths(rig: Rig, number: int) -> Row:
     fault = f"{number:,} actors die (SIGKILL) while they deliver"
     seen = f"{died:,.0f} died, the last left presence after {gone:.1f} s" if gone is not None else "some seem to live"
     problem = "" if gone is not None else "dead actors are shown as present"
-    return judged(rig, fault, "gone from the status, others go on", seen, said[0], resumes, problem)
+    return judged(rig, fault, "gone from the status, others continue", seen, said[0], resumes, problem)
 
 
 def _until_gone(rig: Rig, name: str, seconds: float = 10.0) -> float | None:

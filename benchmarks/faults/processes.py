@@ -39,7 +39,7 @@ def judged(
         log: what the learner said meanwhile.
         resumes: seconds until the next acknowledgement, None if it did not come.
         problems: other things that were wrong, empty ones not counted.
-        within: seconds in which delivery has to go on.
+        within: seconds in which delivery has to continue.
     """
     acknowledged, lost, doubled = rig.books()
     wrong = [problem for problem in problems if problem]
@@ -122,7 +122,7 @@ def link_with(rig: Rig, *, delay: float = 0.0, loss: float = 0.0) -> Iterator[No
 
 
 def slow(rig: Rig, delay: float, loss: float, seconds: float) -> Row:
-    """Delay everything, or lose packets, for a while: delivery goes on."""
+    """Delay everything, or lose packets, for a while: delivery continues."""
     with rig.said() as said, link_with(rig, delay=delay, loss=loss):
         time.sleep(0.5)
         before = len(rig.acknowledged())
@@ -136,7 +136,7 @@ def slow(rig: Rig, delay: float, loss: float, seconds: float) -> Row:
     fault = f"a slow link: {1e3 * delay:.0f} ms each way" if delay else f"a lossy link: {loss:.0%} of the packets"
     seen = f"{rate:.0f} messages/s"
     problem = "" if moments else "nothing was delivered"
-    return judged(rig, fault, "delivery goes on", seen, said[0], pause, problem, within=seconds)
+    return judged(rig, fault, "delivery continues", seen, said[0], pause, problem, within=seconds)
 
 
 def narrow(rig: Rig, kilobits: int, seconds: float) -> Row:
@@ -151,10 +151,10 @@ def narrow(rig: Rig, kilobits: int, seconds: float) -> Row:
                 took = time.monotonic() - since
             packets = dropped()
     except FaultError as error:
-        return Row(fault, "delivery goes on", f"not tried: {error}", wrong="not tried")
+        return Row(fault, "delivery continues", f"not tried: {error}", wrong="not tried")
     seen = f"{packets} packets dropped, all delivered in {took:.0f} s"
     problem = "" if packets else "no packet was dropped"
-    return judged(rig, fault, "delivery goes on", seen, said[0], figures["longest_wait"], problem)
+    return judged(rig, fault, "delivery continues", seen, said[0], figures["longest_wait"], problem)
 
 
 @contextlib.contextmanager

@@ -20,7 +20,7 @@ from tests.rigs.learner import until
 def full(rig: Rig, seconds: float) -> Row:
     """Fill the disk of the run for a while."""
     fault = f"the disk is full for {seconds:g} s"
-    expected = "holds, says so once, goes on"
+    expected = "holds, says so once, continues"
     if rig.disk is None:
         return Row(fault, expected, "not tried: a small file system cannot be mounted here", wrong="not tried")
     with rig.said() as said:

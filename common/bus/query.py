@@ -22,7 +22,7 @@ class QueryServer(Closing):
 
     Zenoh's receiving threads only put queries into a queue. A query is finished, answered or not, when `answer`
     returns; an exception in it is logged and leaves the query unanswered, so that the asker tries again. Whatever
-    happens to one query, the thread goes on to the next. An `answer` that returns True keeps the query, to reply to it
+    happens to one query, the thread takes the next. An `answer` that returns True keeps the query, to reply to it
     and to drop it later from any thread. Sources take turns (`FairQueue`), so whoever asks without end waits behind
     itself and nobody else.
 

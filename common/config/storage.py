@@ -29,7 +29,8 @@ class CheckpointConfig(Section):
     """Newest checkpoints to keep in addition to the best one; at least two, in case one is damaged."""
     mirror: str | None = None
     """Folder of runs at a URL, such as `s3://bucket/runs`, that gets a copy of every checkpoint (extra `storage`): a
-    learner on another machine goes on from there by `hd-learner resume --from`. The journal stays on the local disk."""
+    learner on another machine continues from there by `hd-learner resume --from`. The journal stays on the local
+    disk."""
     replay: bool = True
     """Save the replay buffer too, so that resuming continues with the same data."""
 

@@ -21,7 +21,7 @@ class End(IntEnum):
     """How an episode ended; only a terminal end cuts the bootstrap."""
 
     NONE = 0
-    """It goes on (or its actor died)."""
+    """It continues (or its actor died)."""
     TERMINAL = 1
     """The task was completed, or cannot be completed any more."""
     TRUNCATED = 2

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.messages.fields import Fields
+from common.messages.places import USEFUL
 
 MAX_CELLS: Final = 1 << 20
 """Cells of the belief at most: whoever sends makes a larger one coarser."""
@@ -17,8 +18,6 @@ MAX_VIEWPOINTS: Final = 4_000
 MAX_EDGES: Final = 20_000
 MAX_PLACES: Final = 4_000
 """Positions of each other kind at most."""
-PLAIN, VISITED, USEFUL = 0, 1, 2
-"""Kinds of viewpoints."""
 _MAX_SIDE: Final = 1 << 16
 _MAX_METRES: Final = 1e6
 # A belief of equal cells shrinks to a thousandth; whatever promises more is no belief.
@@ -47,7 +46,7 @@ class EpisodeView:
         origin: lower left corner of the first cell, metres.
         cells: the belief, -1 unknown, 0 free, 100 occupied, int8, shape (rows, columns), y up.
         viewpoints: of the graph.
-        kinds: of each viewpoint: `PLAIN`, `VISITED` or `USEFUL`, uint8, shape (n,).
+        kinds: of each viewpoint, as `common.messages.places` has them, uint8, shape (n,).
         edges: pairs of viewpoints, uint16, shape (m, 2).
         frontiers: centres of frontier cells, some of them where there are many.
         beacons: all beacons.

@@ -102,7 +102,7 @@ class Client:
             await self._turn_away(problem)
         finally:
             self._hub.leave(view)
-            # Its commands go on: what was asked of a robot is done whether or not somebody waits for the answer.
+            # Its commands are finished: what was asked of a robot is done whether or not somebody waits for the answer.
 
     async def _send_news(self, view: View) -> None:
         while True:

@@ -100,7 +100,7 @@ class View:
         self._generation = -1
 
     def watch(self, patterns: Sequence[str]) -> None:
-        """Watch these channels from now on; what the browser has of those that go on, it keeps."""
+        """Watch these channels from now on; what the browser has of those that remain, it keeps."""
         self.patterns = tuple(patterns)
         self._generation = -1
 

@@ -17,6 +17,7 @@ GRID_FRAME: Final = 1
 """First byte of a binary frame that holds tiles of a grid."""
 MAX_TILES: Final = 1 << 14
 """Tiles of a grid that are sent at most: 1.6 km square at 0.2 m."""
+_MOST_LEFT: Final = 64
 _OCCUPIED_FROM: Final = 50
 _HEAD: Final = struct.Struct("<BB")
 _BODY: Final = struct.Struct("<BdddH")
@@ -27,7 +28,7 @@ class TileGrid:
     """The newest grid, in tiles that keep their place while it grows, and the revision in which each changed last.
 
     A tile is known by (row, column) from the anchor, the lower left corner of the first grid. Cells are 0 unknown,
-    1 free, 2 occupied.
+    1 free, 2 occupied. Tiles in which nothing is known are not kept, so a grid that moves with its robot does not grow.
 
     Attributes:
         revision: of the newest change, 0 before the first grid.
@@ -38,6 +39,8 @@ class TileGrid:
         self.revision = 0
         self._name = name
         self._tiles: dict[tuple[int, int], tuple[int, NDArray[np.uint8], bytes]] = {}
+        # Tiles that became unknown, and the revision in which they did: browsers that have them are to forget them.
+        self._left: dict[tuple[int, int], int] = {}
         self._anchor = (0.0, 0.0)
         self._resolution = 0.0
         self._whole_since = 0
@@ -73,24 +76,22 @@ class TileGrid:
                 seen.add((tile_row, tile_column))
                 changed |= self._put((tile_row, tile_column), strip[:, across : across + SIDE])
         for gone in self._tiles.keys() - seen:
-            changed |= self._put(gone, np.zeros((SIDE, SIDE), np.uint8))
+            changed |= self._put(gone, _UNKNOWN)
         if changed:
             self.revision += 1
+            self._forget_left()
         return changed
 
     def since(self, cursor: int) -> bytes:
         """Return the frame with the tiles that changed after a revision; all of them for one that is too old."""
         whole = cursor <= self._whole_since
-        after = self._whole_since if whole else cursor
-        parts = [
-            part
-            for (row, column), (revision, _, data) in self._tiles.items()
-            if revision > after
-            for part in (_TILE.pack(row, column, len(data)), data)
-        ]
+        changed = [(place, data) for place, (revision, _, data) in self._tiles.items() if whole or revision > cursor]
+        if not whole:
+            changed += [(place, _UNKNOWN_DATA) for place, revision in self._left.items() if revision > cursor]
+        parts = [part for place, data in changed for part in (_TILE.pack(*place, len(data)), data)]
         name = self._name.encode()
         head = _HEAD.pack(GRID_FRAME, len(name)) + name
-        return b"".join([head, _BODY.pack(whole, *self._anchor, self._resolution, len(parts) // 2), *parts])
+        return b"".join([head, _BODY.pack(whole, *self._anchor, self._resolution, len(changed)), *parts])
 
     def _place(self, resolution: float, origin: tuple[float, float]) -> tuple[int, int]:
         """Return the column and row of a grid's first cell from the anchor; begin anew where it is another grid."""
@@ -100,19 +101,29 @@ class TileGrid:
             if max(abs(steps[0] - column), abs(steps[1] - row)) < 0.01 and max(abs(column), abs(row)) < SIDE << 15:
                 return column, row
         self._tiles.clear()
+        self._left.clear()
         self._anchor, self._resolution = (float(origin[0]), float(origin[1])), float(resolution)
         self._whole_since = self.revision
         return 0, 0
 
     def _put(self, place: tuple[int, int], cells: NDArray[np.uint8]) -> bool:
         before = self._tiles.get(place)
-        if before is None:
-            if not cells.any():
-                return False
-        elif np.array_equal(before[1], cells):
+        if not cells.any():
+            if before is not None:
+                del self._tiles[place]
+                self._left[place] = self.revision + 1
+            return before is not None
+        if before is not None and np.array_equal(before[1], cells):
             return False
         self._tiles[place] = (self.revision + 1, cells.copy(), encode_tile(cells))
+        self._left.pop(place, None)
         return True
+
+    def _forget_left(self) -> None:
+        """Forget which tiles were left where they outnumber the others: who still has them gets all tiles anew."""
+        if len(self._left) > len(self._tiles) + _MOST_LEFT:
+            self._whole_since = max(self._left.values()) - 1
+            self._left.clear()
 
 
 def encode_tile(cells: NDArray[np.uint8]) -> bytes:
@@ -124,6 +135,10 @@ def encode_tile(cells: NDArray[np.uint8]) -> bytes:
     at = np.flatnonzero(begins)
     lengths = np.diff(at, append=flat.size)
     return (flat[at] << 6 | (lengths - 1).astype(np.uint8)).tobytes()
+
+
+_UNKNOWN: Final = np.zeros((SIDE, SIDE), np.uint8)
+_UNKNOWN_DATA: Final = encode_tile(_UNKNOWN)
 
 
 def _states(cells: NDArray[np.int8]) -> NDArray[np.uint8]:

@@ -147,8 +147,8 @@ def unknown_in_sight(
 ) -> NDArray[np.float64]:
     """Return the unknown area that a sensor at each point would meet before the first known wall, square metres.
 
-    Unknown cells hide nothing: a ray goes on through them, as in the volumetric gain of Bircher et al. (2016). It must
-    enter them at a frontier, however: a single cell of a wall that no beam happened to hit is no window.
+    Unknown cells hide nothing: a ray continues through them, as in the volumetric gain of Bircher et al. (2016). It
+    must enter them at a frontier, however: a single cell of a wall that no beam happened to hit is no window.
 
     Args:
         mapper: updated.

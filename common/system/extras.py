@@ -53,7 +53,7 @@ def optional(what: str, *extras: str, instead: str = "") -> Iterator[None]:
     """Say in one sentence what to install when an optional package is missing within the `with`.
 
     Args:
-        what: what needs the package, in the singular: the sentence goes on with "needs the package".
+        what: what needs the package, in the singular: the sentence continues with "needs the package".
         extras: extras to install; without one, the extra that the missing package belongs to.
         instead: what also helps, such as ``use --sim grid``.
 

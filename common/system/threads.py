@@ -1,4 +1,4 @@
-"""Threads and callbacks that outlive their errors: each error is logged with its cause, and the next round goes on."""
+"""Threads and callbacks that outlive their errors: each error is logged with its cause, and the next round comes."""
 
 from __future__ import annotations
 

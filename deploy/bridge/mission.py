@@ -105,7 +105,7 @@ class Mission:
     def start(self) -> None:
         """Begin the task; while it runs already, or a target is on its way, nothing changes.
 
-        After a target that was gone to in the midst of an exploration, the exploration goes on.
+        After a target that was gone to in the midst of an exploration, the exploration continues.
 
         Raises:
             CommandError: the task has no target yet.
@@ -181,7 +181,7 @@ class Mission:
                 self._change(Phase.RETURNING, reason, new_episode=True)
 
     def reset(self) -> None:
-        """Forget the map and all that was decided; what the robot does goes on with a new map."""
+        """Forget the map and all that was decided; what the robot does continues with a new map."""
         with self._lock:
             orders = self._orders
             self._orders = replace(orders, map_resets=orders.map_resets + 1, episode=orders.episode + 1)
@@ -213,7 +213,7 @@ class Mission:
                 self._orders = replace(self._orders, paused=Phase.RUNNING, episode=self._orders.episode + 1)
 
     def explore(self) -> None:
-        """Leave the target and go on exploring; a robot that waits does so with `start`.
+        """Leave the target and continue exploring; a robot that waits does so with `start`.
 
         Raises:
             CommandError: the task has a target.

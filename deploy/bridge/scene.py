@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from common.planners.base import Planner, Position
+from common.messages.places import centimetres, viewpoint_kinds
+from common.planners.base import Planner
 from common.planners.learned import LearnedPlanner
 from deploy.bridge.drawing import edge_segments, thinned_frontiers
 from deploy.bridge.outcome import Outcome
@@ -18,10 +18,6 @@ from deploy.ros2 import Message, message
 VERSION: Final = 1
 _MAX_VIEWPOINTS: Final = 4000
 _MAX_CHOICES: Final = 500
-# Kinds of viewpoints.
-_PLAIN: Final = 0
-_VISITED: Final = 1
-_USEFUL: Final = 2
 
 
 def scene(outcome: Outcome, planner: Planner) -> Message | None:
@@ -42,17 +38,14 @@ def scene(outcome: Outcome, planner: Planner) -> Message | None:
     found: dict[str, Any] = {
         "version": VERSION,
         "cell": round(100.0 * mapper.belief.resolution),
-        "frontiers": _centimetres(thinned_frontiers(mapper)),
-        "banned": _centimetres(outcome.bans),
+        "frontiers": centimetres(thinned_frontiers(mapper)),
+        "banned": centimetres(outcome.bans),
     }
     if not mapper.stuck:
-        observation = mapper.observe()
-        kinds = np.where(observation.utility > 0, _USEFUL, np.where(observation.visited, _VISITED, _PLAIN))
-        viewpoints = mapper.viewpoints
+        viewpoints, kinds = mapper.viewpoints, viewpoint_kinds(mapper.observe())
         count = min(len(viewpoints), len(kinds), _MAX_VIEWPOINTS)
-        placed = np.column_stack([np.rint(100.0 * viewpoints[:count]), kinds[:count]])
-        found["viewpoints"] = placed.astype(np.int64).ravel().tolist()
-        found["edges"] = _centimetres(edge_segments(mapper))
+        found["viewpoints"] = centimetres(viewpoints[:count], kinds[:count])
+        found["edges"] = centimetres(edge_segments(mapper))
         found["beacons"] = _choices(mapper.beacons, None)
     attention = planner.attention if isinstance(planner, LearnedPlanner) else None
     if attention is not None and outcome.course is not None:
@@ -61,17 +54,10 @@ def scene(outcome: Outcome, planner: Planner) -> Message | None:
     return message("std_msgs/msg/String", data=json.dumps(found, separators=(",", ":")))
 
 
-def _centimetres(positions: Iterable[Position] | NDArray[np.float64]) -> list[int]:
-    array = np.asarray(positions if isinstance(positions, np.ndarray) else list(positions), dtype=np.float64)
-    flat: list[int] = np.rint(100.0 * array).astype(np.int64).ravel().tolist()
-    return flat
-
-
 def _choices(positions: NDArray[np.float64], probabilities: NDArray[np.float32] | None) -> list[int]:
     placed = np.asarray(positions, np.float64).reshape(-1, 2)
     shares = np.full(len(placed), -0.001) if probabilities is None else np.asarray(probabilities, np.float64)
     if len(placed) > _MAX_CHOICES:
         keep = np.argsort(-shares, kind="stable")[:_MAX_CHOICES]
         placed, shares = placed[keep], shares[keep]
-    flat: list[int] = np.rint(np.column_stack([100.0 * placed, 1000.0 * shares])).astype(np.int64).ravel().tolist()
-    return flat
+    return centimetres(placed, 1000.0 * shares)

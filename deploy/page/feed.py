@@ -11,11 +11,11 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from common.errors import HDError
 from common.geometry import Pose
 from common.ids import ID_PATTERN
+from common.messages.places import centimetres
 from common.page.hub import Hub
 from common.system.documents import DocumentError, parse_json
 from deploy.config import DeployConfig
@@ -109,7 +109,7 @@ class RobotFeed:
                 self._heard = self._clock()
 
     def forget(self) -> None:
-        """Begin anew, as a recording does that goes back: series are emptied with the next refresh."""
+        """Begin anew, as a recording does that goes back: with the next refresh nothing is known of the robot."""
         with self._lock:
             self._newest.clear()
             self._decisions.clear()
@@ -133,8 +133,7 @@ class RobotFeed:
                 self._decisions = [*decisions, *self._decisions]
             return
         if self._forgotten and self.name:
-            for series in ("way", "events", "decisions"):
-                hub.clear(self._channel(series))
+            hub.drop(self._channel(""))
         self._forgotten = False
         # The status tells the name, and the pose where no odometry does; the scan is placed by either.
         for role in sorted(newest, key=_ORDER.index):
@@ -188,7 +187,7 @@ class RobotFeed:
         hub.grid(self._channel("belief"), cells, resolution, (x, y))
 
     def _put_path(self, hub: Hub, message: Message) -> None:
-        hub.put(self._channel("path"), _centimetres(np.array(path_from(message)[:_MAX_PATH]).reshape(-1, 2)))
+        hub.put(self._channel("path"), centimetres(path_from(message)[:_MAX_PATH]))
 
     def _put_odometry(self, hub: Hub, message: Message) -> None:
         _, pose, velocity = pose_from(message)
@@ -211,7 +210,7 @@ class RobotFeed:
         angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))[::each]
         met = (ranges >= scan.range_min) & (ranges < scan.range_max)
         ends = ranges[met, None] * np.stack([np.cos(angles[met]), np.sin(angles[met]), np.zeros(met.sum())], axis=1)
-        hub.put(self._channel("scan"), _centimetres(place.apply(ends)[:, :2]))
+        hub.put(self._channel("scan"), centimetres(place.apply(ends)[:, :2]))
 
     def _put_points(self, hub: Hub, message: Message) -> None:
         points = points_from(message)[:, :3].astype(np.float64)
@@ -222,7 +221,7 @@ class RobotFeed:
             if place is None:
                 return
             points = place.apply(points)
-        hub.put(self._channel("scan"), _centimetres(points[:, :2]))
+        hub.put(self._channel("scan"), centimetres(points[:, :2]))
 
     def _sensor_place(self, message: Message) -> Transform | None:
         """Return where a sensor is on the map, None while the robot's pose is not known; the page reads no TF."""
@@ -254,9 +253,3 @@ def _pose_of(value: Any) -> Pose | None:
     if not isinstance(value, list) or len(value) != 3:
         return None
     return Pose(*value) if all(isinstance(each, int | float) for each in value) else None
-
-
-def _centimetres(positions: NDArray[np.float64]) -> list[int]:
-    finite = positions[np.isfinite(positions).all(axis=1)]
-    flat: list[int] = np.rint(100.0 * finite).astype(np.int64).ravel().tolist()
-    return flat

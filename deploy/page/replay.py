@@ -31,7 +31,7 @@ class Place:
 
     Attributes:
         position: seconds from the beginning of the recording.
-        playing: time goes on.
+        playing: time passes.
         speed: times faster than it was.
         jumps: how often it was sent elsewhere.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import logging
+import re
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -25,6 +26,8 @@ _FLUSH = 1.0
 # A disk may stand still for a moment; the node's queues bridge it, within bounds of memory.
 _DEPTH = 1000
 _DEPTH_OF_LARGE = 50
+# Actions have types of their own, for which bags know no definitions.
+_MESSAGE = re.compile(r"\w+/msg/\w+")
 _LARGE = frozenset(
     {
         "nav_msgs/msg/OccupancyGrid",
@@ -61,7 +64,7 @@ class BagRecorder(Closing):
         Args:
             ros: the robot's network.
             bag: to write to.
-            topics: patterns such as `/hd/*` of the topics to record; all when empty.
+            topics: patterns such as `/hd/*` of the topics to record; all but hidden ones when empty.
             exclude: patterns of topics to leave out.
             listener: gets the messages as well.
 
@@ -120,7 +123,9 @@ class BagRecorder(Closing):
         self._node.close()
 
     def _wants(self, name: str) -> bool:
-        wanted = not self._patterns or any(fnmatchcase(name, pattern) for pattern in self._patterns)
+        # As with `ros2 bag record`: those of actions and services are hidden, and recorded when they are asked for.
+        hidden = any(part.startswith("_") for part in name.split("/"))
+        wanted = any(fnmatchcase(name, pattern) for pattern in self._patterns) if self._patterns else not hidden
         return wanted and not any(fnmatchcase(name, pattern) for pattern in self._excluded)
 
     def _subscribe(self, name: str, publishers: Sequence[SeenEndpoint]) -> None:
@@ -128,8 +133,8 @@ class BagRecorder(Closing):
             if (name, kind) in self._known:
                 continue
             self._known.add((name, kind))
-            if kind not in typestore(self._distro).fielddefs:
-                log.warning("%s is not recorded: its type %s is unknown", name, kind)
+            if kind not in typestore(self._distro).fielddefs or not _MESSAGE.fullmatch(kind):
+                log.warning("%s is not recorded: its type %s is unknown, or no message type", name, kind)
                 continue
             offered = [one.qos for one in publishers if one.kind == kind]
             latched = any(qos.transient_local for qos in offered)

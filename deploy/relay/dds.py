@@ -43,7 +43,7 @@ class Peer:
 class DdsNode(Closing):
     """A node with raw publishers and services, and one beside it, `<name>_relay`, with the raw subscriptions.
 
-    Each has a thread for its callbacks, because topics must go on while a service waits for its answer.
+    Each has a thread for its callbacks, because topics must be served while a service waits for its answer.
 
     Usage::
 

@@ -108,7 +108,7 @@ def made_class(kind: str, distro: str) -> type:
 def forget_errors() -> None:
     """Forget the error that Fast DDS leaves in this thread when it looks for what describes a type to its own tools.
 
-    It goes on without; the next call of ROS 2 in the thread would complain about the error that was left.
+    It continues without; the next call of ROS 2 in the thread would complain about the error that was left.
     """
     with suppress(OSError):
         # Loaded already: by its name alone it is found wherever ROS 2 is.

@@ -163,7 +163,7 @@ def start_process(arguments: Sequence[str], log: Path, mode: str = "w") -> subpr
     Args:
         arguments: command and options.
         log: file that takes what it prints.
-        mode: ``w`` begins the file, ``a`` goes on with it.
+        mode: ``w`` begins the file, ``a`` appends to it.
     """
     command = python_module("deploy.cli", *arguments)
     with log.open(mode, encoding="utf-8") as out:

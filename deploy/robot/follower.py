@@ -39,7 +39,7 @@ class WaypointFollower:
                 self._waypoint = waypoint
 
     def stop(self, level: int) -> None:
-        """0 goes on, 1 takes the linear velocity away, 2 also the angular one."""
+        """0 lets both pass, 1 takes the linear velocity away, 2 also the angular one."""
         with self._lock:
             self._stop = level
 

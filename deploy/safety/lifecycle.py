@@ -96,7 +96,7 @@ class Lifecycle:
         """Be in the transition's own state inside the `with`, and in its goal state after it.
 
         An exception inside leads through `errorprocessing` to `unconfigured` (after a shutdown to `finalized`)
-        and goes on upwards.
+        and is raised again.
 
         Raises:
             LifecycleError: this state does not allow it.

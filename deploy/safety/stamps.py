@@ -8,8 +8,8 @@ from typing import Final
 # Messages of one publisher come in their order, so two that lie behind, the first of them by more than this, seconds,
 # are no late ones.
 _BEHIND: Final = 0.09
-# After a message that was overtaken, stamps go on a period beyond the newest one; so small a share of a period is none:
-# then the clock was set back by two periods, and stamps jitter.
+# After a message that was overtaken, stamps continue a period beyond the newest one; so small a share of a period is
+# none: then the clock was set back by two periods, and stamps jitter.
 _NO_PERIOD: Final = 0.5
 # No message comes so late, seconds.
 _FAR_BEHIND: Final = 10.0

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from common.bus.liveness import Process
 from common.bus.views import ViewWatcher
+from common.messages.places import centimetres
 from common.messages.view import EpisodeView
 from common.page.hub import Hub
 
@@ -116,16 +116,11 @@ def put_view(hub: Hub, prefix: str, view: EpisodeView) -> None:
             "ended": view.ended,
             "success": view.success,
             "cell": round(100.0 * view.resolution),
-            "viewpoints": _flat(np.column_stack([100.0 * view.viewpoints, view.kinds])),
-            "edges": _flat(100.0 * ends),
+            "viewpoints": centimetres(view.viewpoints, view.kinds),
+            "edges": centimetres(ends),
             **{
-                name: _flat(100.0 * getattr(view, name))
+                name: centimetres(getattr(view, name))
                 for name in ("frontiers", "beacons", "way", "beacon", "waypoint", "target")
             },
         },
     )
-
-
-def _flat(numbers: NDArray[Any]) -> list[int]:
-    found: list[int] = np.rint(numbers).astype(np.int64).ravel().tolist()
-    return found

@@ -49,7 +49,7 @@ class Team(Closing):
 
     N ranks make the weights that one makes (`learner.algorithm.whole`), so a helper may go and come at any time: the
     update that it was lost in is made again by those that are left, another process takes its place, and joins with the
-    weights and the optimisers' state of rank 0. Until then the run goes on, more slowly.
+    weights and the optimisers' state of rank 0. Until then the run continues, more slowly.
 
     Args:
         config: of the run.

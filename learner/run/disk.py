@@ -20,7 +20,7 @@ _PROBE_SECONDS = 1.0
 class DiskWatch:
     """Says once that the disk refuses something, holds until there is room for it, and says that once too.
 
-    Whoever writes reports a refusal and keeps what it could not write; whoever wants to go on asks `holds`.
+    Whoever writes reports a refusal and keeps what it could not write; whoever wants to continue asks `holds`.
 
     Args:
         folder: on the disk in question; must exist when something is refused.

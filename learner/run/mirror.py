@@ -1,4 +1,4 @@
-"""A run's checkpoints at a URL as well, from which a learner on another machine goes on.
+"""A run's checkpoints at a URL as well, from which a learner on another machine continues.
 
 The journal stays on the learner's own disk: what was acknowledged after the newest checkpoint at the URL is lost with
 that disk, and the replay buffer fills anew.
@@ -114,7 +114,7 @@ class Mirror(Closing):
 
 
 def fetch_run(url: str, root: Path, name: str) -> Path:
-    """Bring a run from a URL to this machine, to go on from its newest checkpoint; return its folder.
+    """Bring a run from a URL to this machine, to continue from its newest checkpoint; return its folder.
 
     Args:
         url: as of `Mirror`.
@@ -159,7 +159,7 @@ def fetch_run(url: str, root: Path, name: str) -> Path:
 
 
 def _begin_journal(folder: Path, segment: int) -> None:
-    """Let the numbers of a new journal go on behind those that the checkpoint covers: it counts each segment once."""
+    """Let the numbers of a new journal continue behind those that the checkpoint covers: each segment counts once."""
     make_folder(folder)
     (folder / segment_name(segment, new_marker())).touch()
 

@@ -21,7 +21,7 @@ from learner.run.files import replace_text, to_json
 logger = logging.getLogger(__name__)
 
 NAMES_FILE = "tracking.json"
-"""In a run's folder: the names under which trackers know it, so that a resumed run goes on there."""
+"""In a run's folder: the names under which trackers know it, so that a resumed run continues there."""
 _LONGEST_PARAMETER = 500
 
 

@@ -1,4 +1,4 @@
-"""A disk that is full, wherever a learner writes: it holds, says so once, and goes on when there is room."""
+"""A disk that is full, wherever a learner writes: it holds, says so once, and continues when there is room."""
 
 import contextlib
 import json

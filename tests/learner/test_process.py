@@ -160,7 +160,7 @@ def test_a_start_that_failed_or_was_interrupted_blocks_no_later_one(learner):
     learner.process.send_signal(signal.SIGINT)
     assert learner.process.wait(60.0) == 130, learner.log.read_text()
     assert "Traceback" not in learner.log.read_text()
-    # The one that `make run` gives, and any other, goes on where there is nothing to go on with.
+    # The one that `make run` gives, and any other, continues where there is nothing to continue with.
     learner.launch("resume")
     assert until(lambda: "has no checkpoint yet: starting over" in learner.log.read_text())
     assert until(lambda: "listens on" in learner.log.read_text()), learner.log.read_text()

@@ -83,8 +83,8 @@ class LargeEpisodeRunner(EpisodeRunner):
     def _tour(self, planner: Decider, world: GridMap, seed: int, tell: Tell, steps: int | None) -> Outcome:
         """Visit the targets one after the other, each leg with a new belief.
 
-        A robot that arrived goes on from where it stands; one that failed is put on the target that it missed, so that
-        the other legs are those of every planner.
+        A robot that arrived continues from where it stands; one that failed is put on the target that it missed, so
+        that the other legs are those of every planner.
         """
         curve: list[CurvePoint] = []
         parts: list[Outcome] = []

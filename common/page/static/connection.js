@@ -52,7 +52,7 @@ export class Connection {
     });
   }
 
-  /** Watch other channels from now on; what is known of those that go on stays. */
+  /** Watch other channels from now on; what is known of those that remain stays. */
   watch(channels) {
     this.channels = channels;
     if (this.open) this._send({ type: "watch", channels: ["page/time", ...channels] });

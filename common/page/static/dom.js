@@ -43,6 +43,11 @@ export function number(value, unit = "", digits = 1) {
   return unit ? `${text}\u202f${unit}` : text;
 }
 
+/** A number of things: "1 beacon", "3 beacons". */
+export function count(many, what) {
+  return `${number(many, "", 0)} ${what}${many === 1 ? "" : "s"}`;
+}
+
 /** Seconds as people read them: "0.8 s", "42 s", "3 min 05 s", "2 h 07 min". */
 export function duration(seconds) {
   if (!Number.isFinite(seconds)) return NONE;

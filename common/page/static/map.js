@@ -9,11 +9,14 @@ export class MapView {
    * @param {(context: CanvasRenderingContext2D, view: MapView) => void} draw with units of metres; view.pixel is the
    *   size of a pixel in metres
    * @param {(x: number, y: number) => void} onClick a place, metres
+   * @param {() => {left: number, right: number, low: number}} insets pixels at the sides and below that lie under
+   *   something else: what is shown as a whole is shown between them
    */
-  constructor(canvas, draw, onClick = () => {}) {
+  constructor(canvas, draw, onClick = () => {}, insets = () => ({ left: 0, right: 0, low: 0 })) {
     this.canvas = canvas;
     this.draw = draw;
     this.onClick = onClick;
+    this.insets = insets;
     this.centre = [0, 0];
     this.scale = 20; // CSS pixels a metre
     this.follows = true; // keeps the box of fit() in sight until somebody moves the map
@@ -92,8 +95,10 @@ export class MapView {
     const [left, low, right, high] = this._box;
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (!width || !height) return;
-    this.centre = [(left + right) / 2, (low + high) / 2];
-    this.scale = Math.min(width / Math.max(right - left, 1), height / Math.max(high - low, 1)) * 0.94;
+    const inset = this.insets(), across = width - inset.left - inset.right, up = height - inset.low;
+    this.scale = Math.min(across / Math.max(right - left, 1), up / Math.max(high - low, 1)) * 0.94;
+    const aside = (inset.right - inset.left) / 2 / this.scale, below = inset.low / 2 / this.scale;
+    this.centre = [(left + right) / 2 + aside, (low + high) / 2 - below];
   }
 
   _paint() {

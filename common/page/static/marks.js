@@ -61,6 +61,32 @@ export function ring(context, x, y, radius, stroke, width) {
   context.stroke();
 }
 
+/** The viewpoint graph of flat lists: viewpoints x, y, kind (0 plain, 1 visited, 2 useful), edges x, y, x, y. */
+export function graph(context, pixel, { edges = [], viewpoints = [] }) {
+  context.strokeStyle = colour("edge");
+  context.globalAlpha = 0.55;
+  context.lineWidth = pixel;
+  context.beginPath();
+  for (let i = 0; i + 4 <= edges.length; i += 4) {
+    context.moveTo(edges[i] / 100, edges[i + 1] / 100);
+    context.lineTo(edges[i + 2] / 100, edges[i + 3] / 100);
+  }
+  context.stroke();
+  context.globalAlpha = 1;
+  const looks = [[colour("viewpoint"), 2.2], [colour("visited"), 2.2], [colour("useful"), 3.4]];
+  for (const [x, y, kind] of places(viewpoints, 3)) {
+    const [fill, radius] = looks[kind] ?? looks[0];
+    disc(context, x, y, radius * pixel, fill);
+  }
+}
+
+/** Frontier cells of so many centimetres, large enough to be seen. */
+export function frontierCells(context, pixel, { frontiers, cell }) {
+  context.fillStyle = colour("frontier");
+  const size = Math.max(cell / 100, 2 * pixel);
+  for (const [x, y] of places(frontiers, 2)) context.fillRect(x - size / 2, y - size / 2, size, size);
+}
+
 export function triangle(context, x, y, size, fill, pixel) {
   context.beginPath();
   context.moveTo(x, y + size);

@@ -49,10 +49,14 @@ export class TilePicture {
     this.resolution = frame.resolution;
     this.anchor = frame.anchor;
     for (const { row, column, cells } of frame.tiles) {
-      const key = `${row},${column}`;
+      const key = `${row},${column}`, known = knownCells(cells);
+      if (!known) {
+        this.tiles.delete(key);
+        continue;
+      }
       const tile = this.tiles.get(key) ?? { row, column, canvas: null };
       tile.cells = cells;
-      tile.known = knownCells(cells);
+      tile.known = known;
       tile.stale = true;
       this.tiles.set(key, tile);
     }
@@ -95,7 +99,6 @@ export class TilePicture {
   _knownBox() {
     let box = null;
     for (const { row, column, known } of this.tiles.values()) {
-      if (!known) continue;
       const x = (cells) => this.anchor[0] + (column * SIDE + cells) * this.resolution;
       const y = (cells) => this.anchor[1] + (row * SIDE + cells) * this.resolution;
       const here = [x(known[0]), y(known[1]), x(known[2]), y(known[3])];

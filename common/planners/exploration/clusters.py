@@ -34,7 +34,7 @@ def _label(rows: NDArray[np.int64], columns: NDArray[np.int64], order: NDArray[n
     """Join each cell with those before it in the row-major order that it touches, then number the clusters."""
     count = len(order)
     parent = np.arange(count)
-    # The first cell that may touch one of the row above it; it only goes on.
+    # The first cell that may touch one of the row above it; it only moves forward.
     below = 0
     for f in range(count):
         row, column = rows[order[f]], columns[order[f]]

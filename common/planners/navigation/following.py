@@ -35,7 +35,7 @@ def along(start: Position, goal: Position, metres: float) -> Position:
 
 
 class PathFollower:
-    """Says how far along a path the robot may drive in one straight leg, and doubts what keeps it from going on.
+    """Says how far along a path the robot may drive in one straight leg, and doubts what keeps it from driving further.
 
     The waypoint is the farthest bend of the path that is in sight through known clear space and near enough, or the
     last place before the first leg gets too long or leaves known clear space. A leg that hardly begins meets a cell

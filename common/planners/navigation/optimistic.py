@@ -14,7 +14,7 @@ from common.mapping.sight import FREE, NOTHING_LOST, OCCUPIED, OUTSIDE, Box
 from common.planners.base import Position
 from common.system.jit import njit
 
-# The world goes on this many spacings beyond the belief, the robot and the target: ways around what is known, through
+# The world continues this many spacings beyond the belief, the robot and the target: ways around what is known, through
 # what is not, are part of the world at its best.
 MARGIN: Final = 3
 # Whether a cell is in doubt: not at all, until it is known to be free, or whatever is known.

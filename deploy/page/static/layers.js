@@ -1,7 +1,7 @@
 // What is drawn on the map, in the order in which it is drawn: each layer has its name, its sign and its switch.
 
 import { colour, h } from "./core/dom.js";
-import { disc, line, places, ring, sign, triangle } from "./core/marks.js";
+import { disc, frontierCells, graph, line, places, ring, sign, triangle } from "./core/marks.js";
 
 const KEY = "hd-page-layers";
 const LAYERS = [
@@ -24,10 +24,14 @@ export class Layers {
         else this.hidden.add(name);
         localStorage.setItem(KEY, JSON.stringify([...this.hidden]));
         onChange();
+      }, onkeydown: (event) => {
+        // The space bar stops the robot.
+        if (event.key === "Enter") box.click();
       } });
       return h("label", {}, box, sign(shape, meaning), label);
     });
     const fold = h("details", {}, h("summary", {}, "Layers"), ...list);
+    fold.addEventListener("toggle", onChange);
     fold.open = matchMedia("(min-width: 821px)").matches;
     place.append(fold);
   }
@@ -50,30 +54,11 @@ function drawScan(context, view, { scan }) {
 }
 
 function drawGraph(context, view, { scene }) {
-  if (!scene?.edges) return;
-  context.strokeStyle = colour("edge");
-  context.globalAlpha = 0.6;
-  context.lineWidth = view.pixel;
-  context.beginPath();
-  const { edges } = scene;
-  for (let i = 0; i + 4 <= edges.length; i += 4) {
-    context.moveTo(edges[i] / 100, edges[i + 1] / 100);
-    context.lineTo(edges[i + 2] / 100, edges[i + 3] / 100);
-  }
-  context.stroke();
-  context.globalAlpha = 1;
-  const looks = [[colour("viewpoint"), 2.4], [colour("visited"), 2.4], [colour("useful"), 3.8]];
-  for (const [x, y, kind] of places(scene.viewpoints, 3)) {
-    const [fill, radius] = looks[kind] ?? looks[0];
-    disc(context, x, y, radius * view.pixel, fill);
-  }
+  if (scene) graph(context, view.pixel, scene);
 }
 
 function drawFrontiers(context, view, { scene }) {
-  if (!scene) return;
-  context.fillStyle = colour("frontier");
-  const size = Math.max(scene.cell / 100, 2 * view.pixel);
-  for (const [x, y] of places(scene.frontiers, 2)) context.fillRect(x - size / 2, y - size / 2, size, size);
+  if (scene) frontierCells(context, view.pixel, scene);
 }
 
 function drawWay(context, view, { way, pose }) {

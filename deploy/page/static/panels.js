@@ -1,9 +1,10 @@
 // The lists beside the map: what a robot tells, in words and numbers with units.
 
-import { duration, facts, h, moment, number } from "./core/dom.js";
+import { count, duration, facts, h, moment, number } from "./core/dom.js";
 
 const GATES = { clear: "good", held: "good", overridden: "caution", command_stale: "caution" };
 const EVENTS_SHOWN = 40;
+const PAST_SECONDS = 60;
 
 const place = (at) => (at ? `${number(at[0], "", 1)}, ${number(at[1], "m", 1)}` : "");
 const sentence = (text) => String(text ?? "").replaceAll("_", " ");
@@ -17,9 +18,9 @@ export function showTask(list, status) {
     ["Driven", number(status.distance, "m", 1)],
     ["Under way", duration(status.duration)],
     ["Target", place(status.target)],
-    ["Frontiers", `${number(status.frontiers, "", 0)} cells`],
-    ["Graph", `${status.viewpoints} viewpoints, ${status.beacons} beacons`],
-    ["Left alone", status.bans ? `${status.bans} ${status.bans === 1 ? "place" : "places"}` : ""],
+    ["Frontiers", count(status.frontiers, "cell")],
+    ["Graph", `${count(status.viewpoints, "viewpoint")}, ${count(status.beacons, "beacon")}`],
+    ["Left alone", status.bans ? count(status.bans, "place") : ""],
     ["Not seen", unseen && unseen.metres !== undefined ? number(unseen.metres, "m", 1) : ""],
   ]);
 }
@@ -60,13 +61,17 @@ export function showInputs(list, status) {
 }
 
 export function showFaults(panel, status) {
-  const faults = Object.entries(status?.faults ?? {}).map(([kind, text]) => [sentence(kind), text]);
-  if (status?.error && status.error.age < 60) faults.push([`${duration(status.error.age)} ago`, status.error.text]);
-  const signature = JSON.stringify(faults.map(([kind, text]) => (kind.endsWith(" ago") ? text : [kind, text])));
+  const faults = Object.entries(status?.faults ?? {});
+  const past = status?.error && status.error.age < PAST_SECONDS ? status.error.text : "";
+  const signature = JSON.stringify([faults, past]);
   if (panel.dataset.signature === signature) return;
   panel.dataset.signature = signature;
-  panel.hidden = !faults.length;
-  panel.replaceChildren(...faults.map(([kind, text]) => h("p", {}, h("strong", {}, `${kind}: `), text)));
+  panel.hidden = !faults.length && !past;
+  // A warning of the log is no fault that lasts, and an alarm that tells its age anew each second is heard each second.
+  panel.classList.toggle("past", !faults.length);
+  panel.replaceChildren(
+    ...faults.map(([kind, text]) => h("p", {}, h("strong", {}, `${sentence(kind)}: `), text)),
+    ...(past ? [h("p", { class: "past" }, h("strong", {}, "last warning: "), past)] : []));
 }
 
 export function showEvents(list, events) {

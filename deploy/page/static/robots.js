@@ -21,7 +21,12 @@ let selected = new URLSearchParams(location.search).get("robot") ?? "";
 let pin = null;
 const beliefs = new Map();
 const layers = new Layers($("layers"), () => map.redraw());
-const map = new MapView($("map"), drawMap, clickMap);
+const map = new MapView($("map"), drawMap, clickMap, () => {
+  // On a phone the map needs the whole width.
+  const wide = $("map").clientWidth > 700;
+  const low = $("replay").hidden ? 0 : $("replay").offsetHeight + 52;
+  return { left: wide ? $("layers").offsetWidth + 12 : 0, right: wide ? 56 : 0, low };
+});
 const decisions = new Curve($("decisions"), {
   label: "decision", unit: "ms", height: 130, x: { label: "time", unit: "", time: true },
   lines: [{ label: "decision", colour: "curve", width: 1.5 }],
@@ -41,6 +46,10 @@ connection.on("tiles", (frame) => {
   const name = frame.name.split("/")[1];
   if (!beliefs.has(name)) beliefs.set(name, new TilePicture());
   beliefs.get(name).take(frame);
+});
+connection.on("gone", (channel) => {
+  const [, name, what] = channel.split("/");
+  if (what === "belief") beliefs.delete(name);
 });
 connection.on("value:robots", (known) => {
   if (!known.some((each) => each.name === selected) && known.length) select(known[0].name);
@@ -77,7 +86,7 @@ function showAll() {
 function showDeck(status) {
   const silent = current()?.silent;
   let tone = TONES[status?.state] ?? "", word = status?.state ?? "", reason = status?.reason ?? "";
-  if (!connection.open) [tone, word, reason] = ["fault", "Not connected", connection.why || "the page's process does not answer; the robot goes on"];
+  if (!connection.open) [tone, word, reason] = ["fault", "Not connected", connection.why || "the page's process does not answer; the robot continues"];
   else if (!status) [tone, word, reason] = ["", "Waiting", "no robot has told its status yet"];
   else if (silent) [tone, word, reason] = ["fault", "No signal", `last: ${status.state}, ${status.reason}`];
   else if (status.emergency_stop) [tone, word, reason] = ["stopped", "Stopped", status.gate_reason || status.reason];
@@ -128,9 +137,9 @@ function hint(status) {
 const COMMANDS = {
   start: { label: "Start", done: "Started" },
   pause: { label: "Pause", done: "Paused" },
-  resume: { label: "Resume", done: "Goes on" },
+  resume: { label: "Resume", done: "Continues" },
   return_home: { label: "Return home", done: "On the way home" },
-  explore: { label: "Explore on", done: "Explores" },
+  explore: { label: "Continue exploring", done: "Explores" },
   goal: { label: "Goal…" },
   abort: { label: "Abort", sure: "The task ends where the robot is." },
   reset: { label: "New map", sure: "The robot forgets its map and begins another one." },

@@ -1,7 +1,7 @@
 // An episode on a map: what the actor knows, what it could go for, and what it chose.
 
 import { colour, rgb } from "./core/dom.js";
-import { disc, legendItem, line, places, ring, triangle } from "./core/marks.js";
+import { disc, frontierCells, graph, legendItem, line, places, ring, triangle } from "./core/marks.js";
 
 /** The belief's colours by state, as TilePicture.draw wants them. */
 export const beliefColours = () => [rgb("unknown"), rgb("free"), rgb("occupied")];
@@ -11,8 +11,8 @@ export function drawEpisode(context, pixel, picture, view, detailed = true) {
   picture.draw(context, beliefColours());
   if (!view) return;
   if (detailed) {
-    drawGraph(context, pixel, view);
-    drawFrontiers(context, pixel, view);
+    graph(context, pixel, view);
+    frontierCells(context, pixel, view);
   }
   const way = [...places(view.way, 2)];
   if (way.length > 1) line(context, way, colour("way"), (detailed ? 2.4 : 1.6) * pixel);
@@ -45,28 +45,4 @@ export function episodeLegend() {
     legendItem("triangle", "beacon", "beacon, ringed: chosen"), legendItem("dashes", "waypoint", "next waypoint"),
     legendItem("line", "way", "driven way"), legendItem("dot", "robot", "robot"),
   ];
-}
-
-function drawGraph(context, pixel, { edges, viewpoints }) {
-  context.strokeStyle = colour("edge");
-  context.globalAlpha = 0.45;
-  context.lineWidth = pixel;
-  context.beginPath();
-  for (let i = 0; i + 4 <= edges.length; i += 4) {
-    context.moveTo(edges[i] / 100, edges[i + 1] / 100);
-    context.lineTo(edges[i + 2] / 100, edges[i + 3] / 100);
-  }
-  context.stroke();
-  context.globalAlpha = 1;
-  const looks = [[colour("viewpoint"), 1.8], [colour("visited"), 1.8], [colour("useful"), 3]];
-  for (let i = 0; i + 3 <= viewpoints.length; i += 3) {
-    const [fill, radius] = looks[viewpoints[i + 2]] ?? looks[0];
-    disc(context, viewpoints[i] / 100, viewpoints[i + 1] / 100, radius * pixel, fill);
-  }
-}
-
-function drawFrontiers(context, pixel, { frontiers, cell }) {
-  context.fillStyle = colour("frontier");
-  const size = Math.max(cell / 100, 2 * pixel);
-  for (const [x, y] of places(frontiers, 2)) context.fillRect(x - size / 2, y - size / 2, size, size);
 }

@@ -89,7 +89,7 @@ class Card {
     canvas.width = Math.round(canvas.clientWidth * ratio);
     canvas.height = Math.round(canvas.clientHeight * ratio);
     if (!picture.box || !canvas.width || !canvas.height) return;
-    const [left, low, right, high] = knownBox(picture);
+    const [left, low, right, high] = picture.box;
     const scale = 0.94 * Math.min(canvas.width / (right - left), canvas.height / (high - low));
     const context = canvas.getContext("2d");
     context.setTransform(scale, 0, 0, -scale, canvas.width / 2 - ((left + right) / 2) * scale, canvas.height / 2 + ((low + high) / 2) * scale);
@@ -97,24 +97,4 @@ class Card {
     // A world is looked at again after minutes: its tiles' canvases are not worth their memory.
     for (const tile of picture.tiles.values()) [tile.canvas, tile.stale] = [null, true];
   }
-}
-
-/** The box of the known cells of a picture, metres: tighter than that of its tiles. */
-export function knownBox(picture) {
-  let box = null;
-  const { resolution, anchor } = picture;
-  for (const { row, column, cells } of picture.tiles.values()) {
-    for (let i = 0; i < cells.length; i++) {
-      if (!cells[i]) continue;
-      const x = column * 64 + (i & 63), y = row * 64 + (i >> 6);
-      if (!box) box = [x, y, x + 1, y + 1];
-      else {
-        if (x < box[0]) box[0] = x;
-        if (y < box[1]) box[1] = y;
-        if (x >= box[2]) box[2] = x + 1;
-        if (y >= box[3]) box[3] = y + 1;
-      }
-    }
-  }
-  return box?.map((cell, i) => anchor[i % 2] + cell * resolution) ?? null;
 }

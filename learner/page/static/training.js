@@ -1,13 +1,13 @@
 // The page of a training: it shows what the learner and its actors tell, and passes commands on.
 
 import { Connection } from "./core/connection.js";
-import { ask, duration, facts, h, number, onScheme, setText } from "./core/dom.js";
+import { ask, count, duration, facts, h, number, onScheme, setText } from "./core/dom.js";
 import { MapView } from "./core/map.js";
 import { attachShell, carryOut } from "./core/shell.js";
 import { TilePicture } from "./core/tiles.js";
 import { showActors } from "./actors.js";
 import { drawEpisode, episodeLegend } from "./episode.js";
-import { forgetPictures, knownBox, repaintWorlds, showWorlds, takeWorldTiles, takeWorldView } from "./evaluations.js";
+import { forgetPictures, repaintWorlds, showWorlds, takeWorldTiles, takeWorldView } from "./evaluations.js";
 import { Plots } from "./plots.js";
 
 const BASE = ["run", "status", "actors", "curve-*", "evaluations", "world/*"];
@@ -24,9 +24,10 @@ attachShell(connection, $("tools"));
 let watched = new URLSearchParams(location.search).get("actor") ?? "";
 let chosen = Boolean(watched);
 let visible = true;
-// By actor: the page's process goes on where it was with one that is looked at again.
+// By actor: one that is looked at again is sent only what changed since.
 const pictures = new Map();
-const map = new MapView($("map"), drawMap);
+// The buttons lie on the right.
+const map = new MapView($("map"), drawMap, () => {}, () => ({ left: 0, right: 46, low: 0 }));
 const plots = new Plots($);
 $("legend").append(...episodeLegend());
 
@@ -84,7 +85,7 @@ function showAll() {
 
 function showDeck(status, run) {
   let tone = TONES[status?.state] ?? "", word = status?.state ?? "", reason = status ? progress(status) : "";
-  if (!connection.open) [tone, word, reason] = ["fault", "Not connected", connection.why || "the page's process does not answer; the training may go on"];
+  if (!connection.open) [tone, word, reason] = ["fault", "Not connected", connection.why || "the page's process does not answer; the training may continue"];
   else if (run?.problem) [tone, word, reason] = ["fault", "No answer", run.silent ? `the learner is silent for ${duration(run.silent)}; it was ${status?.state ?? "unknown"}` : run.problem];
   else if (!status) [word, reason] = ["Waiting", "the learner has not told its status yet"];
   $("deck").className = `deck ${tone}`;
@@ -120,7 +121,7 @@ function figures(status) {
     ["Updates per step", status.ratio_actual.toPrecision(3), status.hold ? `actors wait ${number(status.hold, "s", 1)}` : `declared ${Number(status.ratio_declared.toPrecision(4))}`, null, status.hold > 0 || (status.updates > 100 && off < 0.8)],
     ["Best policy", status.best >= 0 ? number(best.distance, "m", 1) : "none yet", status.best >= 0 ? `version ${status.best}, ${number(100 * best.success, "%", 0)} complete` : "no evaluation is complete"],
     ["Newest policy", `version ${Math.max(status.version, 0)}`, lags.length ? `actors up to ${Math.max(...lags)} behind` : ""],
-    ["Actors", `${acting} alive`, evaluators ? `${evaluators} more evaluate` : "none evaluates"],
+    ["Actors", `${acting} alive`, `${count(evaluators, "evaluator")} besides`],
     ["Checkpoint", status.last_checkpoint ? `at ${number(Number(status.last_checkpoint), "", 0)}` : "none yet", `next in ${duration(Math.max(status.next_checkpoint, 0))}`],
   ];
 }
@@ -144,7 +145,7 @@ function showTable() {
   const known = actors(), alive = known.filter((each) => each.alive);
   if (!chosen && !alive.some(({ name }) => name === watched)) choose((alive.find(({ role }) => role === "actor") ?? alive[0])?.name ?? watched, false);
   const { alive: roles = { actor: 0, evaluator: 0 }, gone = 0 } = value("run") ?? {};
-  setText($("actors-title"), `Actors: ${roles.actor + roles.evaluator} alive${gone ? `, ${gone} gone` : ""}`);
+  setText($("actors-title"), `Actors: ${roles.actor} alive${roles.evaluator ? `, ${count(roles.evaluator, "evaluator")}` : ""}${gone ? `, ${gone} gone` : ""}`);
   $("no-actors").hidden = known.length > 0 || !value("status");
   showActors($("actors"), known, watched, (name) => choose(name, true));
   const signature = known.map(({ name, alive: here }) => `${name}${here}`).join();
@@ -164,7 +165,7 @@ function showEpisode() {
     ["Decisions", number(seen.step, "", 0)], ["Driven", number(seen.distance, "m", 1)],
     ["Seen", number(100 * seen.explored, "%", 1)], ["Beacons", String(seen.beacons.length / 2)],
     ["Driver", seen.version >= 0 ? `${seen.driver}, version ${seen.version}` : seen.driver],
-    ["Episode", seen.ended ? (seen.success ? "complete" : "ended") : "goes on", seen.ended ? (seen.success ? "good" : "caution") : "busy"],
+    ["Episode", seen.ended ? (seen.success ? "complete" : "ended") : "running", seen.ended ? (seen.success ? "good" : "caution") : "busy"],
   ] : []);
 }
 
@@ -180,8 +181,7 @@ function showEvaluations(worlds) {
 
 /** Keep all that is known in sight. */
 function fit() {
-  const box = picture() && knownBox(picture());
-  if (box) map.fit(box);
+  if (picture()?.box) map.fit(picture().box);
   map.redraw();
 }
 
@@ -225,12 +225,12 @@ new IntersectionObserver(([entry]) => {
 
 $("pause").addEventListener("click", () => {
   const paused = value("status")?.state === "paused";
-  carryOut(connection, "", paused ? "resume" : "pause", {}, paused ? "The training goes on" : "The training waits, and its actors with it");
+  carryOut(connection, "", paused ? "resume" : "pause", {}, paused ? "The training continues" : "The training waits, and its actors with it");
 });
 $("checkpoint").addEventListener("click", () => carryOut(connection, "", "checkpoint", {}, "The checkpoint is written"));
 $("stop").addEventListener("click", async () => {
   const { name } = value("run");
-  const sure = await ask({ title: "Stop the training", text: `The learner writes a checkpoint and ends, and its own actors with it. "hd-learner resume --run ${name}" goes on from there.`, confirm: "Stop", kind: "fault" });
+  const sure = await ask({ title: "Stop the training", text: `The learner writes a checkpoint and ends, and its own actors with it. "hd-learner resume --run ${name}" continues from there.`, confirm: "Stop", kind: "fault" });
   if (sure) await carryOut(connection, "", "stop", {}, "The training stops");
 });
 setInterval(() => connection.open && showDeck(value("status"), value("run")), 1000);

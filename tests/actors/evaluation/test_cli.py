@@ -140,7 +140,7 @@ def test_a_signal_leaves_whole_results_and_no_process(tmp_path, number):
     assert not left
     done = read_results(tmp_path / "greedy.json").episodes
     assert len(done) == journal.read_text().count("\n") - 1
-    # The same command goes on where it was.
+    # The same command continues where it was.
     assert call("run", "--planner", "greedy", "--maps", MAPS, "--limit", "2", "--out", tmp_path).exit_code == 0
     assert len(read_results(tmp_path / "greedy.json").episodes) == 2
 

@@ -96,7 +96,7 @@ def test_a_refusal_of_the_store_reaches_the_actor_and_is_final(sessions, caplog)
         assert sender.flush(10)
         assert (sender.refused, sender.acknowledged) == (30, 0)
         assert server.invalid == {"desk-0": 30}
-    # Not one line for each: an actor may go on like that for days.
+    # Not one line for each: an actor may continue like that for days.
     assert 1 <= caplog.text.count("the learner refused message") < 10
 
 

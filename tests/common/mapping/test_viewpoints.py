@@ -98,7 +98,7 @@ def test_a_gap_one_cell_wide_is_looked_into_by_a_robot_without_size():
     assert mapper.viewpoints[observation.utility > 0].round(9).tolist() == [[1.05, 0.55]]
 
 
-# A corridor that goes on at its right end; at its left end an alcove of the same piece that leads somewhere, too.
+# A corridor that continues at its right end; at its left end an alcove of the same piece that leads somewhere, too.
 ALCOVE = np.full((44, 110), 100, dtype=np.int8)
 ALCOVE[14:26, 1:100] = 0
 ALCOVE[14:26, 100:106] = -1

@@ -18,9 +18,14 @@ class Clock(Source):
     def __init__(self, wide):
         self.ticks = 0
         self.wide = wide
+        self.dropped = False
 
     def refresh(self, hub):
         self.ticks += 1
+        if self.dropped:
+            self.dropped = False
+            hub.drop("clock/")
+            return
         hub.put("clock/ticks", {"ticks": self.ticks, "watched": hub.watched("clock/dear")})
         hub.append("clock/series", self.ticks)
         cells = np.full((100, 130), -1, np.int8)
@@ -35,6 +40,8 @@ class Clock(Source):
             blocked.wait(20)
         elif command.verb == "stop":
             blocked.set()
+        elif command.verb == "drop":
+            self.dropped = True
         elif command.verb == "refuse":
             raise HDError(f"not {command.arguments}")
         elif command.verb == "break":

@@ -138,11 +138,12 @@ class Reader:
         return self.until(lambda: self.answers.pop(number, None))
 
     def closed(self, seconds=10.0):
-        """Return the code with which the page closes the connection."""
-        end = time.monotonic() + seconds
+        """Return the code with which the page closes the connection, and what it says before."""
+        end, last = time.monotonic() + seconds, ""
         try:
             while time.monotonic() < end:
-                self.socket.recv(max(end - time.monotonic(), 0.01))
+                frame = self.socket.recv(max(end - time.monotonic(), 0.01))
+                last = json.loads(frame) if isinstance(frame, str) else last
         except ConnectionClosed as error:
-            return error.rcvd.code if error.rcvd else 1006
+            return error.rcvd.code if error.rcvd else 1006, last
         raise AssertionError(f"not closed within {seconds} s")

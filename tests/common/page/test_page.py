@@ -83,6 +83,19 @@ def test_a_reader_sees_and_may_not_command(page):
         assert (answer["ok"], answer["error"]) == (False, "commands need the token")
 
 
+def test_a_client_hears_what_is_gone_and_that_the_page_lives(page):
+    with Reader(page.address, token=TOKEN) as reader:
+        reader.until(lambda: "clock/grid" in reader.grids and "clock/series" in reader.series)
+        before = reader.until(lambda: reader.values.get("page/time"))
+        assert reader.command("drop")["ok"]
+        reader.until(lambda: {"clock/ticks", "clock/series", "clock/grid"} <= set(reader.gone))
+        # They come again as new ones.
+        reader.until(lambda: "clock/series" in reader.series and "clock/grid" in reader.grids)
+        items, following = reader.series["clock/series"]
+        assert following == len(items)
+        reader.until(lambda: reader.values["page/time"] > before)
+
+
 def test_a_wrong_token_is_refused_and_logged(folder, capfd):
     with PageProcess(MODULE, PageSettings(0, token=TOKEN), {"folder": str(folder)}) as page:
         with Reader(page.address, token="let-me-in") as reader:
@@ -130,10 +143,15 @@ def test_nonsense_ends_a_connection_and_only_that(page):
     with Reader(page.address) as good:
         with Reader(page.address) as bad:
             bad.socket.send("nonsense")
-            assert bad.closed() == 1002
+            code, said = bad.closed()
+            assert (code, said["type"]) == (1002, "error")
+            assert "must be a JSON object" in said["error"]
+        with Reader(page.address) as bad:
+            bad.send(type="hello", protocol=2)
+            assert "load the page anew" in bad.closed()[1]["error"]
         with Reader(page.address) as bad:
             bad.socket.send("x" * (1 << 20))
-            assert bad.closed() == 1009
+            assert bad.closed()[0] == 1009
         before = good.until(lambda: good.values.get("clock/ticks"))
         good.until(lambda: good.values["clock/ticks"]["ticks"] > before["ticks"])
 

@@ -69,6 +69,25 @@ def test_only_what_changed_is_sent():
     assert len(grid.since(first)) < 300
 
 
+def test_a_grid_that_moves_with_its_robot_costs_what_is_known_now():
+    grid, quick, slow = TileGrid(NAME), Grid(), Grid()
+    cells = np.zeros((SIDE, SIDE), np.int8)
+    cursor = 0
+    for step in range(400):
+        grid.update(cells, 0.2, (step * SIDE * 0.2, 0.0))
+        taken(quick, grid.since(cursor))
+        cursor = grid.revision
+        if step == 200:
+            taken(slow, grid.since(0))
+            behind = grid.revision
+    assert len(grid.since(0)) < 200, "one tile of equal cells"
+    # However many places were left since a browser took its last frame.
+    assert len(grid.since(behind)) < 64 * 200
+    taken(slow, grid.since(behind))
+    for reader in (quick, slow):
+        assert [place for place, tile in reader.tiles.items() if (tile >= 0).any()] == [(0, 399)]
+
+
 def test_a_grid_beyond_all_bounds_is_refused():
     side = SIDE * (int(MAX_TILES**0.5) + 1)
     with pytest.raises(MessageError, match="at most"):

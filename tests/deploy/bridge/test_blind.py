@@ -1,4 +1,4 @@
-"""A robot whose sensor, pose or clock fails while it drives, on a real bus: how soon it stands, and that it goes on.
+"""A robot whose sensor, pose or clock fails while it drives, on a real bus: how soon it stands, and that it continues.
 
 Run with `pytest -s` for the figures; distances are what the robot itself drove after the first spoilt message.
 """

@@ -261,7 +261,7 @@ def test_the_geofence_is_never_left_and_ends_the_exploration():
     assert last.orders.phase is Phase.FINISHED
     assert last.orders.reason.startswith("not complete: ")
     assert "outside the geofence" in last.orders.reason
-    # Where it is not complete is said: the corridor goes on behind the fence.
+    # Where it is not complete is said: the corridor continues behind the fence.
     assert last.unseen is not None
     assert last.unseen.length >= 2.0
     assert last.unseen.position[0] > 28.0

@@ -58,7 +58,7 @@ def test_weights_are_taken_over_between_decisions_and_the_robot_never_waits_for_
             publisher.publish(weights(run, 4, seed=1))
             assert eventually(lambda: live.refresh(trial.planners) or live.version == 4)
             assert trial.planners.main.policy.version == 4
-        # The learner has gone: its last policy goes on deciding.
+        # The learner has gone: its last policy still decides.
         live.refresh(trial.planners)
         assert trial.run(1).planner == "hdplanner"
 

@@ -65,6 +65,9 @@ def test_everything_is_recorded_also_what_comes_later(endpoint, layout, tmp_path
         cells = np.arange(6, dtype=np.int8).reshape(2, 3)
         robot.publisher("/map", "nav_msgs/msg/OccupancyGrid", LATCHED).publish(occupancy_grid(1.0, "map", cells, 0.1))
         odometries = robot.publisher("/odom", "nav_msgs/msg/Odometry", SENSOR)
+        # A bridge offers an action, whose topics have no message type.
+        robot.publisher("/navigate/_action/feedback", "nav2_msgs/action/NavigateToPose_FeedbackMessage")
+        robot.publisher("/navigate/feedback", "nav2_msgs/action/NavigateToPose_FeedbackMessage")
 
         def first():
             odometries.publish(odometry(1.0, "odom", "base", Pose(1.0, 2.0)))

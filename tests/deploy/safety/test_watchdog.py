@@ -285,7 +285,7 @@ def test_a_robot_that_leaves_the_fence_is_stopped_without_the_bridge():
         assert state["mode"] == "outside"
         assert "(2.50, 0.00)" in state["reason"]
         robot.position = (1.5, 0.0)
-        assert eventually(lambda: robot.velocity() == (1.0, 0.2)), "driven back, it goes on"
+        assert eventually(lambda: robot.velocity() == (1.0, 0.2)), "driven back, it continues"
 
 
 def test_it_starts_without_what_it_does_not_need():

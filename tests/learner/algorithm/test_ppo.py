@@ -33,7 +33,7 @@ def ppo_config(ppo: dict[str, object] | None = None, **changes: object) -> RunCo
 
 
 def known(seed: int, size: int = 6) -> TransitionBatch:
-    """Labelled transitions that lead to labelled states and go on."""
+    """Labelled transitions that lead to labelled states and continue."""
     batch = random_transitions(np.random.default_rng(seed), size, (2, 15), labelled=1.0)
     return replace(batch, terminal=np.zeros(size, np.bool_), next_valid=np.ones(size, np.bool_))
 

@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("playwright", reason="Playwright is not installed")
 
 from tests.common.bus.processes import free_port
-from tests.rigs.browser import CHROMIUM, PATIENCE, chromium, opened, picture
+from tests.rigs.browser import CHROMIUM, PATIENCE, assert_within_reach, chromium, opened, picture
 from tests.rigs.learner import until
 
 SETTINGS = [
@@ -158,7 +158,7 @@ def test_an_episode_is_shown_live_and_evaluations_with_their_pictures(run, brows
                 other.locator("#live").scroll_into_view_if_needed()
                 is_painted(other, "#map")
                 other.evaluate("scrollTo(0, 0)")
-                assert other.evaluate("document.documentElement.scrollWidth <= innerWidth"), "nothing sticks out"
+                assert_within_reach(other)
                 picture(other, name)
 
 

@@ -1,4 +1,4 @@
-"""A run goes on from object storage on a machine that has nothing but its URL."""
+"""A run continues from object storage on a machine that has nothing but its URL."""
 
 import logging
 import shutil
