@@ -15,6 +15,7 @@ from actors.maps.sources import fixed_numbers, open_sources
 from actors.simulators.base import Simulator
 from actors.tasks import make_goal
 from common.config import FamilyConfig, MappingConfig, RunConfig, TaskConfig
+from common.errors import ConfigError
 from common.messages.experience import FAILURE
 from common.planners.reference import ReferenceRoute
 from common.planners.registry import make_planner
@@ -65,6 +66,11 @@ class Arena:
         evaluate: bool,
     ) -> None:
         self.family, self.number, self.task, self.share = family.name, number, task.name, family.share
+        if task.kind.needs_target and not config.network.sees_target:
+            raise ConfigError(
+                f"task {task.name!r} has a target, and the network is not told where it is: set network.features or "
+                "network.variant to others"
+            )
         self._config = config
         self._settings = family
         self._simulator = simulator
@@ -72,7 +78,7 @@ class Arena:
         if evaluate:
             # Evaluation reports distance and success; it needs no privileged reward.
             self._reward = config.reward.model_copy(update={"kind": "paper"})
-        self._privileged = not evaluate and (config.cloning.enabled or self._reward.kind == "potential")
+        self._privileged = not evaluate and (config.cloning.enabled or self._reward.privileged)
         unseen = {} if family.unseen_area is None else {"unseen_area": family.unseen_area}
         self._task = task.model_copy(update=unseen)
         sources = config.sources(family, task.name, evaluate=evaluate)
@@ -115,6 +121,7 @@ class Arena:
             limit,
             make_expert(task, mapping) if self._privileged else None,
             ReferenceRoute(mapping) if self._config.network.features == "guided" else None,
+            images=self._config.network.reads_image,
         )
         return Stage(world, environment)
 

@@ -62,6 +62,8 @@ class Environment:
         max_steps: int,
         expert: Expert | None = None,
         reference: ReferenceRoute | None = None,
+        *,
+        images: bool = False,
     ) -> None:
         """Put the parts together.
 
@@ -69,16 +71,19 @@ class Environment:
             simulator: the world and the robot; the caller closes it.
             mapping: what the robot makes of its scans.
             goal: when an episode is complete.
-            reward: the potential kind needs an ``expert``.
+            reward: privileged kinds need an ``expert``.
             max_steps: decisions before the episode is truncated.
-            expert: privileged expert for labels and for the potential reward.
+            expert: privileged expert for labels and for privileged rewards.
             reference: writes the route of a classical planner into each observation, for policies that read it.
+            images: draw the belief into each observation, for policies that read that.
 
         Raises:
-            ConfigError: the potential reward without an expert.
+            ConfigError: a privileged reward without an expert.
         """
-        if reward.kind == "potential" and expert is None:
-            raise ConfigError("reward.kind = 'potential' needs the privileged expert: pass one, or use kind 'paper'")
+        if reward.privileged and expert is None:
+            raise ConfigError(
+                f"reward.kind = {reward.kind!r} needs the privileged expert: pass one, or use kind 'paper'"
+            )
         self.goal = goal
         self._simulator = simulator
         self.mapping = mapping
@@ -86,6 +91,7 @@ class Environment:
         self.max_steps = max_steps
         self._expert = expert
         self._reference = reference
+        self._images = images
         self.end = End.TRUNCATED
         self.reason = ""
         self.corners: list[int] = []
@@ -134,7 +140,7 @@ class Environment:
                 f"map {world.name!r}: no viewpoint can be reached from the start {world.start}: "
                 "move the start, or choose a finer mapping.viewpoint_spacing"
             )
-        observation = self.mapper.observe()
+        observation = self._observe()
         # A robot that already has its target in reach needs no viewpoint first.
         if on_lattice and not self.goal.complete(self.coverage, self.pose):
             observation = self._go_to_viewpoint(observation)
@@ -174,7 +180,8 @@ class Environment:
 
     def _advance(self, way: list[Position]) -> Step:
         """Carry out one decision: drive along a way of straight legs."""
-        before = self.remaining() if self._reward.kind == "potential" else None
+        before = self.remaining() if self._reward.privileged else None
+        seen = self.mapper.explored_area
         frontier = self.mapper.frontiers_removed
         to_target = self.goal.progress(self.pose)
         travelled, collided = self.distance, self.collisions
@@ -187,13 +194,14 @@ class Environment:
         self.steps += 1
         self._expert_label = None
         if not self.mapper.stuck:
-            self._observation = self.mapper.observe()
+            self._observation = self._observe()
         self._settle()
 
         outcome = StepOutcome(
             distance=self.distance - travelled,
             frontier_removed=(self.mapper.frontiers_removed - frontier) * self.mapping.resolution,
             progress=to_target - self.goal.progress(self.pose),
+            newly_seen=self.mapper.explored_area - seen,
             complete=self.reason == "complete",
             remaining_before=before,
             remaining_after=None if before is None else self._remaining_after(before),
@@ -272,7 +280,10 @@ class Environment:
         if self.pose.distance_to(node) <= ON_VIEWPOINT:
             return observation
         self._drive(self.mapper.way_home())
-        return observation if self.mapper.stuck else self.mapper.observe()
+        return observation if self.mapper.stuck else self._observe()
+
+    def _observe(self) -> Observation:
+        return self.mapper.observe(image=self._images)
 
     def _drive(self, way: list[Position]) -> bool:
         """Drive along a way, sensing at its corners and its end; return whether the robot got there.

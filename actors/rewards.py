@@ -1,4 +1,4 @@
-"""Rewards of both tasks, as pure functions of what one step did."""
+"""Rewards of both tasks and of the learned baselines, as pure functions of what one step did."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ class StepOutcome:
         distance: travelled metres.
         frontier_removed: length of the frontier that is no frontier any more, metres (cells x resolution).
         progress: straight-line metres that the robot came nearer to the target; 0 without target.
+        newly_seen: area that has become known to be free, square metres.
         complete: the task is complete now, and was not before.
         remaining_before: the privileged expert's remaining distance T(s), metres; None when no expert was asked.
         remaining_after: T(s'), metres, 0 when complete; None when no expert was asked.
@@ -24,6 +25,7 @@ class StepOutcome:
     distance: float
     frontier_removed: float
     progress: float
+    newly_seen: float
     complete: bool
     remaining_before: float | None = None
     remaining_after: float | None = None
@@ -57,6 +59,39 @@ def potential_reward(config: RewardConfig, outcome: StepOutcome) -> float:
     return -detour / config.potential_scale
 
 
+def approach_reward(config: RewardConfig, outcome: StepOutcome) -> float:
+    """Privileged reward of context-aware navigation: (T(s) - T(s')) / scale, a cost for each step, and the bonus.
+
+    T is the shortest way to the target on the true map. In the released code of Liang et al. (CoRL 2023) a step costs
+    0.5, 64 px nearer earn 1, and the target 20.
+
+    Raises:
+        ConfigError: no expert was asked.
+    """
+    if outcome.remaining_before is None or outcome.remaining_after is None:
+        raise ConfigError("the approach reward needs the privileged expert's remaining distance before and after")
+    reward = (outcome.remaining_before - outcome.remaining_after) / config.distance_scale - config.step_cost
+    return reward + (config.finish_bonus if outcome.complete else 0.0)
+
+
+def area_reward(config: RewardConfig, outcome: StepOutcome) -> float:
+    """Reward of Chen et al. (2019): newly seen floor up to 1, and a fixed cost for a step that shows next to none.
+
+    In their released code 14,000 px earn 1, and a step that earns 0.015 or less costs 0.8 instead. A collision costs 1
+    there; viewpoints of the graph cannot be driven to through obstacles.
+    """
+    gain = min(outcome.newly_seen / config.area_scale, 1.0)
+    return gain if gain > config.least_gain else -config.idle_cost
+
+
+_REWARDS = {
+    "paper": paper_reward,
+    "potential": potential_reward,
+    "approach": approach_reward,
+    "area": area_reward,
+}
+
+
 def step_reward(config: RewardConfig, outcome: StepOutcome) -> float:
     """Reward of one step, of the configured kind."""
-    return paper_reward(config, outcome) if config.kind == "paper" else potential_reward(config, outcome)
+    return _REWARDS[config.kind](config, outcome)

@@ -56,7 +56,8 @@ def warm_up(network: NetworkConfig) -> None:
         reward = RewardConfig(kind="potential")
         reference = ReferenceRoute(mapping) if network.features == "guided" else None
         expert = make_expert(task, mapping)
-        environment = Environment(simulator, mapping, make_goal(task), reward, 4, expert, reference)
+        images = network.reads_image
+        environment = Environment(simulator, mapping, make_goal(task), reward, 4, expert, reference, images=images)
         for driver in (PolicyDriver(policy, rng), ExpertDriver()):
             run_episode(environment, world, driver, role, seed=0, recorder=recorder, label=True)
     simulator.close()

@@ -14,13 +14,14 @@ from collections.abc import Callable
 
 import numpy as np
 import torch
+from torch import nn
 
 from common.config import NetworkConfig
+from common.network.factory import make_policy_network
 from common.network.graph_arrays import GraphArrays
 from common.network.graph_batch import GraphBatch
 from common.network.onnx_network import OnnxNetwork
 from common.network.parameters import initial_parameters
-from common.network.policy_network import PolicyNetwork
 from common.observations.observation import Observation, ObservationBatch
 from common.policies.policy import Policy
 from learner.run.onnx_model import onnx_model
@@ -52,7 +53,7 @@ def run(repeats: int = 200) -> dict[str, float]:
     observation = random_observation(rng, VIEWPOINTS)
     results: dict[str, float] = {}
     for size, config in SIZES.items():
-        policy, network = Policy.from_config(config), PolicyNetwork(config)
+        policy, network = Policy.from_config(config), make_policy_network(config)
 
         def graph(config: NetworkConfig = config) -> GraphArrays:
             return GraphArrays.from_observations(ObservationBatch.stack([observation]), config)
@@ -60,7 +61,7 @@ def run(repeats: int = 200) -> dict[str, float]:
         def decide(policy: Policy = policy) -> object:
             return policy.decide(observation, greedy=True, rng=rng)
 
-        def through_torch(network: PolicyNetwork = network, graph: Callable[[], GraphArrays] = graph) -> object:
+        def through_torch(network: nn.Module = network, graph: Callable[[], GraphArrays] = graph) -> object:
             with torch.inference_mode():
                 return network(GraphBatch.from_arrays(graph()))
 

@@ -19,8 +19,8 @@ import torch
 from benchmarks.experience import EPISODES, real_transitions
 from benchmarks.inference import SIZES, fastest
 from common.config import NetworkConfig, RunConfig
+from common.network.factory import make_policy_network
 from common.network.graph_batch import GraphBatch
-from common.network.policy_network import PolicyNetwork
 from common.observations.observation import ObservationBatch
 from learner.algorithm.factory import make_learner
 from tests.common.network.dense import dense_batch, dense_policy
@@ -68,7 +68,7 @@ def run(repeats: int = 3, size: int = BATCH, episodes: int = EPISODES) -> dict[s
 
 def _our_seconds(config: NetworkConfig, half: bool, observations: ObservationBatch, repeats: int) -> float:
     """Return the time of the policy's forward and backward pass, preparing the graphs not counted."""
-    network = PolicyNetwork(config)
+    network = make_policy_network(config)
     graph = GraphBatch.from_observations(observations, config)
 
     def step() -> None:
@@ -81,7 +81,7 @@ def _our_seconds(config: NetworkConfig, half: bool, observations: ObservationBat
 
 def _dense_seconds(config: NetworkConfig, observations: ObservationBatch, repeats: int) -> float:
     """Return the same in the dense form: every graph padded to the largest, attention over all pairs, masked."""
-    network = PolicyNetwork(config)
+    network = make_policy_network(config)
     padded = dense_batch(observations, GraphBatch.from_observations(observations, config).features, vanilla=False)
 
     def step() -> None:

@@ -40,7 +40,7 @@ class Task:
         fallback: classical planner that relieves another one on a robot.
         goal: judges episodes on the true map; called with a `TaskConfig` and this task, it returns an
             `actors.tasks.Goal`. Or its MODULE:NAME, so that a robot need not import it.
-        expert: privileged expert for imitation and for the `potential` reward; called with a `TaskConfig` and a
+        expert: privileged expert for imitation and for privileged rewards; called with a `TaskConfig` and a
             `MappingConfig`, it returns an `actors.expert.Expert`. Or its MODULE:NAME, or None where there is none.
     """
 

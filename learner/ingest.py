@@ -77,6 +77,7 @@ class Ingest:
         self.evaluated_at = float("-inf")
         """Monotonic seconds of the newest report of an evaluator."""
         self._keep_replay = config.checkpoints.replay
+        self._images = config.network.reads_image
         self._journal = journal
         certified = certified_hosts(config.bus)
         self.host_of: Callable[[str], str] = partial(host_of, certified=certified)
@@ -284,7 +285,7 @@ class Ingest:
         self._seen.add(delivery.actor, delivery.incarnation, delivery.sequence)
 
     def _admit(self, delivery: Delivery) -> None:
-        """Raise RefusedError when nothing new of its actor may be stored."""
+        """Raise RefusedError when nothing new of its actor may be stored, or not this."""
         refusal = self.quarantine.refusal(delivery.actor)
         if refusal:
             raise RefusedError(refusal)
@@ -292,6 +293,11 @@ class Ingest:
             raise RefusedError(
                 f"this run has had {MAX_CLOSED:,} actor processes and accepts no more: a client invents names; use "
                 "certificates (docs/bus.md), and start another run"
+            )
+        if isinstance(delivery.body, Chunk) and (delivery.body.observations.image is not None) != self._images:
+            raise RefusedError(
+                f"observations of this run must have {'an' if self._images else 'no'} image (network.variant): make "
+                "them as the run's specification says"
             )
 
     def _fill(self, delivery: Delivery, segment: int) -> int:

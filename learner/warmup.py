@@ -14,7 +14,7 @@ import torch
 from common.config import RunConfig
 from common.messages.experience import Chunk, Delivery, End, ExpertLabels
 from common.messages.schema import decode, encode
-from common.observations.observation import STEP_UNITS, Observation, ObservationBatch
+from common.observations.observation import IMAGE_SIDE, IMAGES, STEP_UNITS, Observation, ObservationBatch
 from learner.algorithm.factory import make_learner
 from learner.replay.buffer import ReplayBuffer
 from learner.replay.draw import draw_batch
@@ -31,8 +31,9 @@ def warm_up(config: RunConfig, device: torch.device) -> None:
     """
     began = time.monotonic()
     logger.info("preparing the kernels; a fresh installation takes a minute for it")
-    replay = ReplayBuffer(capacity=1_000, max_bytes=30_000_000)
-    replay.add(decode(encode(Delivery("warm-up", 0, 0, _chunk())), Delivery))
+    images = config.network.reads_image
+    replay = ReplayBuffer(capacity=1_000, max_bytes=30_000_000, images=images)
+    replay.add(decode(encode(Delivery("warm-up", 0, 0, _chunk(images))), Delivery))
     rng = np.random.default_rng(0)
     once = {"updates": 1, "anchor_weight": 0.1}
     small = config.model_copy(
@@ -50,9 +51,9 @@ def warm_up(config: RunConfig, device: torch.device) -> None:
         logger.info("the kernels are ready after %.0f s", seconds)
 
 
-def _chunk() -> Chunk:
+def _chunk(images: bool) -> Chunk:
     """Make a short episode to and fro on a lattice of 3 x 3 viewpoints, with labels."""
-    observations = [_observation(robot) for robot in (4, 5, 4)]
+    observations = [_observation(robot, images) for robot in (4, 5, 4)]
     steps = len(observations) - 1
     choices = [observation.waypoint_nodes() for observation in observations[:steps]]
     cost = np.concatenate([np.arange(len(nodes), dtype=np.float32) for nodes in choices])
@@ -75,7 +76,7 @@ def _chunk() -> Chunk:
     )
 
 
-def _observation(robot: int) -> Observation:
+def _observation(robot: int, images: bool) -> Observation:
     places = np.array([(x, y) for y in range(3) for x in range(3)])
     beside = np.triu(np.abs(places[:, None] - places).sum(axis=2) < 4, 1)
     return Observation(
@@ -95,4 +96,5 @@ def _observation(robot: int) -> Observation:
         cell=0.0625,
         reach=5.0,
         route=np.array([0], dtype=np.uint16),
+        image=np.zeros((len(IMAGES), IMAGE_SIDE**2), dtype=np.uint8) if images else None,
     )

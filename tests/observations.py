@@ -7,7 +7,14 @@ from typing import Literal
 import numpy as np
 from hypothesis import strategies as st
 
-from common.observations.observation import MAX_TARGET_LINKS, STEP_UNITS, Observation, ObservationBatch
+from common.observations.observation import (
+    IMAGE_SIDE,
+    IMAGES,
+    MAX_TARGET_LINKS,
+    STEP_UNITS,
+    Observation,
+    ObservationBatch,
+)
 
 Target = Literal["none", "unknown", "known"]
 TARGETS: tuple[Target, ...] = ("none", "unknown", "known")
@@ -25,6 +32,7 @@ def random_observation(
     *,
     lattice: bool = False,
     bent_share: float = 0.1,
+    image: bool = False,
 ) -> Observation:
     """Grow a connected graph of ``viewpoints`` viewpoints around a robot.
 
@@ -37,6 +45,7 @@ def random_observation(
         lattice: one viewpoint per lattice square, in its middle, and straight edges; otherwise viewpoints lie anywhere,
             some squares have several, and some edges are bent.
         bent_share: share of edges that are longer than the straight line, unless on a lattice.
+        image: with a random image of the belief.
     """
     squares, tree = _grow(rng, viewpoints, lattice)
     places = squares * STEP_UNITS
@@ -84,6 +93,7 @@ def random_observation(
         cell=float(np.float32(rng.uniform(0.01, 0.25))),
         reach=float(np.float32(rng.uniform(2.0, 10.0))),
         route=_walk(rng, ends, robot).astype(np.uint16),
+        image=rng.integers(0, 256, (len(IMAGES), IMAGE_SIDE**2)).astype(np.uint8) if image else None,
     )
 
 
@@ -94,6 +104,7 @@ def random_batch(
     targets: tuple[Target, ...] = TARGETS,
     *,
     lattice: bool = False,
+    image: bool = False,
 ) -> ObservationBatch:
     """Stack ``count`` random observations with sizes drawn from the range ``viewpoints``, both ends included."""
     return ObservationBatch.stack(
@@ -103,17 +114,18 @@ def random_batch(
                 int(rng.integers(viewpoints[0], viewpoints[1] + 1)),
                 targets[rng.integers(len(targets))],
                 lattice=lattice,
+                image=image,
             )
             for _ in range(count)
         ]
     )
 
 
-def observations(max_viewpoints: int = 40) -> st.SearchStrategy[Observation]:
+def observations(max_viewpoints: int = 40, *, image: bool = False) -> st.SearchStrategy[Observation]:
     """Strategy of random observations of all kinds, the smallest graphs included."""
     return st.builds(
         lambda seed, viewpoints, target, useful, share, lattice: random_observation(
-            np.random.default_rng(seed), viewpoints, target, useful, share, lattice=lattice
+            np.random.default_rng(seed), viewpoints, target, useful, share, lattice=lattice, image=image
         ),
         st.integers(0, 2**32 - 1),
         st.integers(2, max_viewpoints),

@@ -16,10 +16,12 @@ def random_transitions(
     viewpoints: tuple[int, int] = (2, 30),
     targets: tuple[Target, ...] = TARGETS,
     labelled: float = 0.0,
+    *,
+    image: bool = False,
 ) -> TransitionBatch:
     """Draw ``count`` transitions with valid choices; ``labelled`` is the share that an expert has labelled."""
-    now = random_batch(rng, count, viewpoints, targets)
-    after = random_batch(rng, count, viewpoints, targets)
+    now = random_batch(rng, count, viewpoints, targets, image=image)
+    after = random_batch(rng, count, viewpoints, targets, image=image)
     terminal = rng.random(count) < 0.1
     marks = rng.random(count) < labelled
     next_marks = rng.random(count) < labelled

@@ -10,24 +10,26 @@ from common.config.section import Section
 
 
 class NetworkConfig(Section):
-    """Encoder, beacon decoder and waypoint decoder (paper, section IV)."""
+    """Encoder, beacon decoder and waypoint decoder (paper, section IV), or the network of a learned baseline."""
 
-    variant: Literal["vanilla", "hierarchical", "hdplanner"] = "hdplanner"
+    variant: Literal["vanilla", "hierarchical", "hdplanner", "ariadne", "ca", "cnn"] = "hdplanner"
     """`vanilla`: waypoint decoder only. `hierarchical`: beacon, then waypoint. `hdplanner`: hierarchical, with the
-    contrastive loss."""
+    contrastive loss. The paper's learned baselines, complete only with the features and the reward of the preset of
+    the same name: `ariadne` and `ca`, pointer over the waypoints; `cnn`, convolutions over images of the map."""
     width: Annotated[int, Field(ge=8, le=1024)] = 128
-    """d, the size of a node feature."""
+    """d, the size of a node feature; in `cnn` the channels of the second and third convolution."""
     heads: Annotated[int, Field(ge=1, le=64)] = 8
-    """Attention heads; must divide the width."""
+    """Attention heads; must divide the width. `cnn` has none."""
     layers: Annotated[int, Field(ge=1, le=24)] = 6
-    """Encoder layers."""
+    """Encoder layers; `cnn` always has three convolutions."""
     feedforward: Annotated[int, Field(ge=1, le=8)] = 4
     """Hidden size of a feed-forward block, as a multiple of the width."""
-    features: Literal["paper", "extended", "guided"] = "extended"
+    features: Literal["paper", "extended", "guided", "ariadne", "ca"] = "extended"
     """Node features. `paper`: position, utility, visited, beacon, target. `extended`: also graph distance from the
     robot, degree, distance to the nearest useful viewpoint, and whether the node is on a shortest path to a beacon, all
     from the belief. `guided`: also where a classical planner would go (`tour` in exploration, D* Lite in navigation),
-    the range of the sensor, and frontiers by length instead of cells."""
+    the range of the sensor, and frontiers by length instead of cells. `ariadne`: position, utility, visited. `ca`: also
+    direction and distance to the target. `cnn` reads positions alone."""
     graph: Literal["full", "reduced", "tokens"] = "full"
     """Nodes that the network reads. `full`: all reachable nodes. `reduced`: those near the robot, useful ones, beacons
     and the shortest paths to them, about half as many on public maps. `tokens`: as `reduced` up to 128 nodes, beyond
@@ -42,7 +44,37 @@ class NetworkConfig(Section):
         return self
 
     @model_validator(mode="after")
+    def _baselines_are_bare(self) -> NetworkConfig:
+        if self.baseline and self.toward:
+            raise ValueError(
+                f"toward biases pairs of beacon and waypoint, and variant {self.variant!r} has none: unset it"
+            )
+        if self.reads_image and self.features == "guided":
+            raise ValueError(f"variant {self.variant!r} reads no route: set network.features to 'paper'")
+        return self
+
+    @model_validator(mode="after")
     def _heads_divide_width(self) -> NetworkConfig:
         if self.width % self.heads:
             raise ValueError(f"heads ({self.heads}) must divide width ({self.width}): choose for example 4 or 8 heads")
         return self
+
+    @property
+    def hierarchical(self) -> bool:
+        """Whether a beacon is chosen before the waypoint; otherwise each observation has one dummy beacon."""
+        return self.variant in ("hierarchical", "hdplanner")
+
+    @property
+    def baseline(self) -> bool:
+        """Whether it is the network of another publication, without beacons."""
+        return self.variant in ("ariadne", "ca", "cnn")
+
+    @property
+    def reads_image(self) -> bool:
+        """Whether observations must have an image of the map."""
+        return self.variant == "cnn"
+
+    @property
+    def sees_target(self) -> bool:
+        """Whether any input tells where a target is."""
+        return self.features != "ariadne" and self.variant != "cnn"

@@ -17,7 +17,7 @@ from common.config.storage import CheckpointConfig, JournalConfig, ReplayConfig,
 from common.config.task import RewardConfig, TaskConfig
 from common.config.worlds import FamilyConfig, MappingConfig, MapsConfig, SimulatorConfig
 from common.ids import ID_PATTERN
-from common.tasks import BOTH, find_task
+from common.tasks import BOTH, NAVIGATION, find_task
 
 MAX_FAMILIES = 64
 
@@ -93,6 +93,17 @@ class RunConfig(Section):
         if self.algorithm == "ppo" and self.reward.kind != "potential":
             raise ValueError(
                 "algorithm 'ppo' needs the reward that is based on the expert's detours: set reward.kind to 'potential'"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _targets_are_seen(self) -> RunConfig:
+        # Other tasks than the shipped ones are checked where they are loaded.
+        targets = self.both_tasks or self.task.name == NAVIGATION.name
+        if targets and not self.network.sees_target:
+            raise ValueError(
+                f"network.variant {self.network.variant!r} with network.features {self.network.features!r} is not told "
+                "where a target is: train it for exploration, or choose other features"
             )
         return self
 

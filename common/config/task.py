@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from common.config.section import Positive, Section
+from common.config.section import Fraction, Positive, Section
 from common.tasks import EXPLORATION, Task, find_task
 
 
@@ -33,9 +33,11 @@ class TaskConfig(Section):
 class RewardConfig(Section):
     """The reward of both tasks."""
 
-    kind: Literal["paper", "potential"] = "paper"
-    """`paper`: travelled distance, observed frontiers and a bonus for finishing. `potential`: the privileged expert's
-    remaining distance T as a potential, (T(s) - T(s') - d) / scale; for training only."""
+    kind: Literal["paper", "potential", "approach", "area"] = "paper"
+    """`paper`: travelled distance, observed frontiers and a bonus for finishing, as in ARiADNE. `potential`: the
+    privileged expert's remaining distance T as a potential, (T(s) - T(s') - d) / scale; for training only. `approach`:
+    (T(s) - T(s')) / scale, a cost for each step and a bonus for finishing, as in `ca`; for training only. `area`: newly
+    seen floor, and a cost for a step that shows next to none, as in `cnn`."""
     frontier_weight: Annotated[float, Field(ge=0.0)] = 1.0
     """paper: weight of the frontier removed by the step, in units of `frontier_scale`."""
     frontier_scale: Positive = 50.0
@@ -43,10 +45,24 @@ class RewardConfig(Section):
     distance_weight: Annotated[float, Field(ge=0.0)] = 1.0
     """paper: weight of the travelled distance, in units of `distance_scale`."""
     distance_scale: Positive = 16.0
-    """paper: metres of travel that cost `distance_weight` (default: 64 px at 0.25 m/px)."""
+    """paper: metres of travel that cost `distance_weight`; approach: metres of T per unit of reward (default: 64 px at
+    0.25 m/px)."""
     progress_weight: Annotated[float, Field(ge=0.0)] = 0.0
     """paper: weight of the straight-line progress towards the target, in units of `distance_scale` (navigation)."""
     finish_bonus: Annotated[float, Field(ge=0.0)] = 20.0
-    """paper: added when the task is complete."""
+    """paper, approach: added when the task is complete."""
     potential_scale: Positive = 4.0
     """potential: metres per unit of reward."""
+    step_cost: Annotated[float, Field(ge=0.0)] = 0.5
+    """approach: subtracted at every step."""
+    area_scale: Positive = 875.0
+    """area: square metres of newly seen floor that earn 1, the most of a step (default: 14,000 px at 0.25 m/px)."""
+    least_gain: Fraction = 0.015
+    """area: a step that earns no more than this shows next to nothing."""
+    idle_cost: Annotated[float, Field(ge=0.0)] = 0.8
+    """area: what such a step costs instead."""
+
+    @property
+    def privileged(self) -> bool:
+        """Whether it takes the expert's remaining distance, which is known in simulation only."""
+        return self.kind in ("potential", "approach")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,7 @@ from common.mapping.cell_grid import ClearGrid
 from common.mapping.clearance import CLEAR_CELL, SWEEP_TOLERANCE, TIGHT, sweep
 from common.mapping.distances import shortest_paths
 from common.mapping.frontiers import Frontiers
+from common.mapping.occupancy_image import occupancy_image
 from common.mapping.pieces import cells_of_nodes
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 from common.mapping.sight import CLEAR, blocker
@@ -51,8 +54,11 @@ class MapView:
         """(x, y) of the navigation target, metres, or None."""
         return None if self._target is None else self._target.position
 
-    def observe(self) -> Observation:
+    def observe(self, *, image: bool = False) -> Observation:
         """Return the observation of the last update.
+
+        Args:
+            image: with the image of the belief, which costs 0.2 ms.
 
         Raises:
             MappingError: there was no update yet, or no viewpoint can be reached from the pose (see `stuck`).
@@ -65,7 +71,10 @@ class MapView:
                 f"{self._config.robot_radius:g} m fits, and there is none nearby: integrate more scans, move the "
                 "robot into free space, or use a smaller mapping.robot_radius"
             )
-        return self._observation
+        if not image:
+            return self._observation
+        drawn = occupancy_image(self.belief, self.position(self._robot), self._config.sensor_range)
+        return replace(self._observation, image=drawn)
 
     @property
     def stuck(self) -> bool:

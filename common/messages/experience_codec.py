@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from common.messages.experience import MIN_PROBABILITY, Chunk, Delivery, End, EpisodeReport, ExpertLabels
 from common.messages.fields import MAX_SAFE_INTEGER, Fields
 from common.messages.validation import check_choices, check_observations
-from common.observations.observation import ObservationBatch
+from common.observations.observation import IMAGE_SIDE, IMAGES, ObservationBatch
 
 MAX_INCARNATION = 2**63 - 1
 MAX_STEPS = 256
@@ -28,6 +28,8 @@ MAX_DURATION = 1e7
 # What divides: a ratio to less than this means nothing, and may overflow.
 MIN_CLASSICAL_DISTANCE = 1e-3
 _COLUMNS = tuple(ObservationBatch.__dataclass_fields__)
+# Columns that only some networks ask for: they are left out where there are none.
+_OPTIONAL = frozenset({"image"})
 _LABELS = tuple(ExpertLabels.__dataclass_fields__)
 
 
@@ -62,7 +64,7 @@ def _chunk_fields(chunk: Chunk) -> dict[str, Any]:
         "first_step": int(chunk.first_step),
         "family": int(chunk.family),
         "end": int(chunk.end),
-        "observations": {name: getattr(chunk.observations, name) for name in _COLUMNS},
+        "observations": _observation_fields(chunk.observations),
         "beacons": chunk.beacons,
         "waypoints": chunk.waypoints,
         "rewards": chunk.rewards,
@@ -70,6 +72,11 @@ def _chunk_fields(chunk: Chunk) -> dict[str, Any]:
         "probabilities": chunk.probabilities,
         "labels": None if labels is None else {name: getattr(labels, name) for name in _LABELS},
     }
+
+
+def _observation_fields(batch: ObservationBatch) -> dict[str, Any]:
+    columns = {name: getattr(batch, name) for name in _COLUMNS}
+    return {name: column for name, column in columns.items() if column is not None or name not in _OPTIONAL}
 
 
 def _read_chunk(fields: Fields) -> Chunk:
@@ -132,6 +139,7 @@ def _read_observations(fields: Fields, k: int) -> ObservationBatch:
         reach=fields.array("reach", np.float32, (k,)),
         route_count=fields.array("route_count", np.int32, (k,)),
         route=fields.array("route", np.uint16, (None,)),
+        image=fields.array("image", np.uint8, (k, len(IMAGES), IMAGE_SIDE**2)) if fields.has("image") else None,
     )
     fields.finish()
     check_observations(batch, fields.path)

@@ -10,10 +10,8 @@ from common.config import NetworkConfig
 from common.network.attention import CrossAttention
 from common.network.encoder import FeedForward
 from common.network.graph_batch import GraphBatch
+from common.network.logits import LOGIT_LIMIT
 from common.network.segment import segment_log_softmax
-
-# Pointer logits are squashed to this range, which bounds how sure a decision can be.
-LOGIT_LIMIT = 10.0
 
 
 class DecoderLayer(nn.Module):
@@ -77,7 +75,7 @@ class WaypointDecoder(nn.Module):
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
-        self.hierarchical = config.variant != "vanilla"
+        self.hierarchical = config.hierarchical
         self.join = nn.Linear((2 if self.hierarchical else 1) * config.width, config.width)
         self.decoder = DecoderLayer(config)
         self.pointer = Pointer(config.width)

@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 
 from common.config import NetworkConfig
 from common.network.reduction import kept_rows, renumbered
-from common.observations.features import FEATURE_NAMES, feature_count, node_features
+from common.observations.features import (
+    DISTANCE_SCALE,
+    FEATURE_NAMES,
+    computed_set,
+    feature_columns,
+    feature_count,
+    node_features,
+)
 from common.observations.index import EXTRA_SLOTS, LINK_SLOT, neighbour_table
 from common.observations.observation import ObservationBatch
 from common.observations.paths import paths_toward
@@ -26,8 +33,8 @@ class GraphArrays:
     A network on the reduced graph reads only some nodes (see `common.network.reduction`): rows count these, `nodes`
     tells which they are, and choices are still told by the node numbers of the observation.
 
-    The variant `vanilla` chooses no beacon: its beacon set is one dummy slot per observation, whose row is the
-    robot's, so that every table and loss keeps one form.
+    Networks that choose no beacon, `vanilla` and the baselines, have one dummy slot per observation as their beacon
+    set, whose row is the robot's, so that every table and loss keeps one form.
 
     Attributes:
         features: float32, shape (nodes, F), see `common.observations.features`.
@@ -45,9 +52,10 @@ class GraphArrays:
             shape (total pairs, 3).
         pair_ptr: first pair of each observation, then their number, int64, shape (k + 1,).
         nodes: node number, within its observation, of each row, int64, shape (nodes,).
-        has_beacons: False for `vanilla`.
+        has_beacons: False for networks that choose no beacon.
         toward: 1 for pairs whose waypoint begins a shortest path to the beacon, else 0, float32, shape (total pairs,);
             empty unless the network reads it.
+        image: as in `ObservationBatch`; None unless the network reads it.
     """
 
     features: NDArray[np.float32]
@@ -63,13 +71,23 @@ class GraphArrays:
     nodes: NDArray[np.int64]
     has_beacons: bool
     toward: NDArray[np.float32]
+    image: NDArray[np.uint8] | None
 
     def __len__(self) -> int:
         return len(self.robot_rows)
 
     @classmethod
     def from_observations(cls, batch: ObservationBatch, config: NetworkConfig) -> GraphArrays:
-        """Build the arrays of a batch for a network of ``config``."""
+        """Build the arrays of a batch for a network of ``config``.
+
+        Raises:
+            ValueError: the network reads images, and the observations have none.
+        """
+        if config.reads_image and batch.image is None:
+            raise ValueError(
+                f"a network of variant {config.variant!r} reads images, and these observations have none: observe with "
+                "`mapper.observe(image=True)`"
+            )
         table = neighbour_table(batch)
         neighbours, node_ptr = table.rows, table.node_ptr
         robot_rows = node_ptr[:-1] + batch.robot
@@ -82,14 +100,13 @@ class GraphArrays:
             kept = kept_rows(features, neighbours, robot_rows, node_ptr, tokens=config.graph == "tokens")
             place = np.where(kept, np.cumsum(kept) - 1, -1)
             neighbours = renumbered(neighbours, kept, place)
-            features = np.ascontiguousarray(features[kept, : feature_count(config.features)])
+            features = features[kept]
             node_ptr = np.append(0, np.cumsum(kept))[node_ptr]
             nodes, robot_rows = nodes[kept], place[robot_rows]
             toward = toward[kept] if toward is not None else None
         else:
-            features = node_features(batch, table, config.features)
-        hierarchical = config.variant != "vanilla"
-        if hierarchical:
+            features = node_features(batch, table, computed_set(config.features))
+        if config.hierarchical:
             beacon_rows = np.flatnonzero(features[:, _BEACON] > 0.0)
             beacon_ptr = np.searchsorted(beacon_rows, node_ptr)
         else:
@@ -102,6 +119,8 @@ class GraphArrays:
             slots[features[waypoint_rows, _TARGET] > 0.0] = neighbours.shape[1] - 1
             bits = toward[beacon_rows[pairs[:, 1]]] >> (slots[pairs[:, 2]] % 64).astype(np.uint64)
             on_path[:] = bits & np.uint64(1)
+        if features.shape[1] != feature_count(config.features):
+            features = np.ascontiguousarray(features[:, feature_columns(config.features)])
         return cls(
             features=features,
             neighbours=neighbours,
@@ -114,14 +133,21 @@ class GraphArrays:
             pairs=pairs,
             pair_ptr=pair_ptr,
             nodes=nodes,
-            has_beacons=hierarchical,
+            has_beacons=config.hierarchical,
             toward=on_path,
+            image=batch.image if config.reads_image else None,
         )
+
+    @property
+    def waypoint_steps(self) -> NDArray[np.float32]:
+        """Offset of each waypoint slot from the robot in lattice steps, float32, shape (total waypoints, 2)."""
+        steps: NDArray[np.float32] = self.features[self.waypoint_rows, :2] * np.float32(DISTANCE_SCALE)
+        return steps
 
     def beacon_slots(self, nodes: NDArray[np.int32]) -> NDArray[np.int64]:
         """Return the slot of one beacon node per observation, shape (k,); -1 stays -1.
 
-        In `vanilla` every node gets the dummy slot.
+        Where no beacon is chosen, every node gets the dummy slot.
 
         Raises:
             ValueError: a node is no beacon of its observation.

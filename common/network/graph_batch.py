@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import torch
@@ -35,6 +36,7 @@ class GraphBatch:
         pair_beacon: beacon slot of each pair, int64, shape (total pairs,).
         pair_waypoint: waypoint slot of each pair, int64, shape (total pairs,).
         toward: as in `GraphArrays`.
+        image: as in `GraphArrays`, or None.
     """
 
     arrays: GraphArrays
@@ -53,6 +55,7 @@ class GraphBatch:
     pair_beacon: Tensor
     pair_waypoint: Tensor
     toward: Tensor
+    image: Tensor | None
 
     def __len__(self) -> int:
         return len(self.robot_rows)
@@ -83,14 +86,17 @@ class GraphBatch:
             pair_beacon=torch.from_numpy(pairs[1]),
             pair_waypoint=torch.from_numpy(pairs[2]),
             toward=torch.from_numpy(arrays.toward),
+            image=None if arrays.image is None else torch.from_numpy(arrays.image),
         )
 
     def to(self, device: torch.device | str) -> GraphBatch:
         """Return the batch on a device; itself when it is there already."""
         if self.features.device == torch.device(device):
             return self
-        names = [field.name for field in fields(self) if field.name != "arrays"]
-        moved = {name: getattr(self, name).to(device, non_blocking=True) for name in names}
+        held = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "arrays"}
+        moved: dict[str, Any] = {
+            name: value if value is None else value.to(device, non_blocking=True) for name, value in held.items()
+        }
         return GraphBatch(arrays=self.arrays, **moved)
 
 

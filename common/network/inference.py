@@ -1,12 +1,13 @@
 """The policy network for one observation at a time, in numpy: what actors and robots run.
 
-The mathematics and the weights are exactly those of `PolicyNetwork`; a test holds the two equal. Without torch a
+The mathematics and the weights are exactly those of the networks in torch; a test holds the two equal. Without torch a
 decision costs less (no dispatch, no autograd bookkeeping, reused buffers), and a robot needs no torch at all.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +16,36 @@ from common.config import NetworkConfig
 from common.network.cross_kernels import cross_kernels
 from common.network.edge_kernels import edge_kernels
 from common.network.graph_arrays import GraphArrays
+from common.network.image_inference import ImageInference
+from common.network.logits import LOGIT_LIMIT, log_softmax
 from common.network.parameters import Arrays
 from common.system.jit import njit
 
 _EPSILON = 1e-5
-_LOGIT_LIMIT = 10.0
 
 Array = NDArray[np.float32]
 
 
-class InferenceNetwork:
+class DecisionNetwork(Protocol):
+    """An engine that runs the policy network for one observation."""
+
+    def __call__(self, graph: GraphArrays) -> tuple[Array, Array]:
+        """Return log π_b, shape (beacons,), and log π_a given each beacon, shape (beacons, waypoints).
+
+        Args:
+            graph: exactly one observation, with at least one beacon and one waypoint.
+        """
+        ...
+
+
+def make_inference(config: NetworkConfig, arrays: Arrays) -> DecisionNetwork:
+    """Return the network of ``config.variant`` with these weights, which the caller has checked."""
+    if config.variant == "cnn":
+        return ImageInference(config, arrays)
+    return GraphInference(config, arrays)
+
+
+class GraphInference:
     """Encoder and decoders over one observation; not for use by two threads at once (the buffers are shared).
 
     Args:
@@ -55,16 +76,20 @@ class InferenceNetwork:
         waypoints = nodes[graph.waypoint_rows]
         if graph.has_beacons:
             asked = self._decode("beacon_decoder", robot.copy(), nodes)
-            log_beacon = _log_softmax(self._point("beacon_decoder", asked, beacons))[0]
+            log_beacon = log_softmax(self._point("beacon_decoder", asked, beacons))[0]
             joined = np.concatenate([beacons, np.repeat(robot, len(beacons), axis=0)], axis=1)
         else:
             log_beacon = np.zeros(1, dtype=np.float32)
             joined = robot
-        asked = self._decode("waypoint_decoder", self._linear("waypoint_decoder.join", joined), nodes)
+        if self.config.baseline:
+            asked = self._decode("waypoint_decoder", robot.copy(), nodes)
+            asked = self._linear("waypoint_decoder.join", np.concatenate([asked, robot], axis=1))
+        else:
+            asked = self._decode("waypoint_decoder", self._linear("waypoint_decoder.join", joined), nodes)
         logits = self._point("waypoint_decoder", asked, waypoints)
         if self.config.toward:
             logits += self._weights["waypoint_decoder.toward"] * graph.toward.reshape(logits.shape)
-        return log_beacon, _log_softmax(logits)
+        return log_beacon, log_softmax(logits)
 
     def _encode(self, graph: GraphArrays) -> Array:
         weights, width = self._weights, self.config.width
@@ -123,7 +148,7 @@ class InferenceNetwork:
         """Return the pointer's logits, shape (queries, choices)."""
         queries = asked @ self._weights[f"{decoder}.pointer.query.weight"]
         keys = choices @ self._weights[f"{decoder}.pointer.key.weight"]
-        return np.float32(_LOGIT_LIMIT) * np.tanh(queries @ keys.T / np.float32(math.sqrt(self.config.width)))
+        return np.float32(LOGIT_LIMIT) * np.tanh(queries @ keys.T / np.float32(math.sqrt(self.config.width)))
 
     def _linear(self, name: str, inputs: Array) -> Array:
         return inputs @ self._weights[f"{name}.weight"] + self._weights[f"{name}.bias"]
@@ -139,11 +164,6 @@ class InferenceNetwork:
             buffer = np.empty(size + size // 2, dtype=np.float32)
             self._buffers[name] = buffer
         return buffer[:size].reshape(rows, columns)
-
-
-def _log_softmax(logits: Array) -> Array:
-    shifted = logits - logits.max(axis=1, keepdims=True)
-    return shifted - np.log(np.exp(shifted).sum(axis=1, keepdims=True))
 
 
 @njit(cache=True, nogil=True, fastmath=True)

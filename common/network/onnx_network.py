@@ -16,7 +16,7 @@ Array = NDArray[np.float32]
 
 
 class OnnxNetwork:
-    """Encoder and decoders over one observation, called as `InferenceNetwork` is.
+    """Encoder and decoders over one observation, called as the networks of `common.network.inference` are.
 
     Args:
         model: a serialised model, as `learner.run.onnx_model` describes it.
@@ -56,13 +56,15 @@ class OnnxNetwork:
         Args:
             graph: exactly one observation, with at least one beacon and one waypoint.
         """
-        feed = {
+        feed: dict[str, NDArray[Any] | None] = {
             "features": graph.features,
             "neighbours": graph.neighbours.astype(np.int64),
             "robot": graph.robot_rows,
             "beacons": graph.beacon_rows,
             "waypoints": graph.waypoint_rows,
             "toward": graph.toward.reshape(len(graph.beacon_rows), -1),
+            "image": None if graph.image is None else graph.image[0],
+            "steps": graph.waypoint_steps,
         }
         log_beacon, log_waypoint = self._session.run(
             ["log_beacon", "log_waypoint"], {name: array for name, array in feed.items() if name in self._inputs}

@@ -9,57 +9,88 @@ from numpy.typing import NDArray
 
 from common.config import NetworkConfig
 from common.errors import WeightsError
-from common.observations.features import feature_count
+from common.network.image_layers import TABLE_SIDE, image_layers
+from common.observations.features import FEATURE_NAMES, feature_count
+from common.observations.observation import IMAGES
 
 Shapes = dict[str, tuple[int, ...]]
 Arrays = Mapping[str, NDArray[np.float32]]
 
 
 def parameter_shapes(config: NetworkConfig) -> Shapes:
-    """Return the name and shape of every weight of `PolicyNetwork(config)`, in the order of its state."""
-    width, hidden = config.width, config.feedforward * config.width
-    shapes: Shapes = {}
+    """Return the name and shape of every weight of the network of ``config``, in the order of its state."""
+    shapes = _Shapes(config)
+    if config.variant == "cnn":
+        shapes.image()
+    else:
+        shapes.graph()
+    return shapes.found
 
-    def linear(name: str, inputs: int, outputs: int, bias: bool = True) -> None:
-        shapes[f"{name}.weight"] = (outputs, inputs)
+
+class _Shapes:
+    """Collects names and shapes; each method adds those of one module."""
+
+    def __init__(self, config: NetworkConfig) -> None:
+        self.found: Shapes = {}
+        self._config = config
+
+    def graph(self) -> None:
+        """Add a network over viewpoints: of the paper's variants, or a pointer alone."""
+        config, width = self._config, self._config.width
+        self.linear("encoder.embedding", feature_count(config.features), width)
+        for layer in range(config.layers):
+            name = f"encoder.layers.{layer}"
+            self.norm(f"{name}.attention_norm")
+            self.linear(f"{name}.attention.qkv", width, 3 * width, bias=False)
+            self.linear(f"{name}.attention.out", width, width)
+            self.norm(f"{name}.feedforward_norm")
+            self.feedforward(f"{name}.feedforward")
+        self.norm("encoder.norm")
+        if config.hierarchical:
+            self.decoder("beacon_decoder")
+        self.linear("waypoint_decoder.join", (1 if config.variant == "vanilla" else 2) * width, width)
+        if config.toward:
+            self.found["waypoint_decoder.toward"] = (1,)
+        self.decoder("waypoint_decoder")
+
+    def image(self) -> None:
+        """Add a network over images."""
+        for name in IMAGES:
+            for layer in image_layers(self._config):
+                self.linear(f"encoder.{name}.{layer.name}", layer.inputs * layer.side**2, layer.outputs)
+        hidden = self._config.feedforward * self._config.width
+        self.linear("table.join", len(IMAGES) * image_layers(self._config)[-1].values, hidden)
+        self.linear("table.values", hidden, TABLE_SIDE**2)
+
+    def linear(self, name: str, inputs: int, outputs: int, bias: bool = True) -> None:
+        """Add a linear map."""
+        self.found[f"{name}.weight"] = (outputs, inputs)
         if bias:
-            shapes[f"{name}.bias"] = (outputs,)
+            self.found[f"{name}.bias"] = (outputs,)
 
-    def norm(name: str) -> None:
-        shapes[f"{name}.weight"] = (width,)
-        shapes[f"{name}.bias"] = (width,)
+    def norm(self, name: str) -> None:
+        """Add a layer norm."""
+        self.found[f"{name}.weight"] = (self._config.width,)
+        self.found[f"{name}.bias"] = (self._config.width,)
 
-    def feedforward(name: str) -> None:
-        linear(f"{name}.rise", width, hidden)
-        linear(f"{name}.fall", hidden, width)
+    def feedforward(self, name: str) -> None:
+        """Add a feed-forward block."""
+        width, hidden = self._config.width, self._config.feedforward * self._config.width
+        self.linear(f"{name}.rise", width, hidden)
+        self.linear(f"{name}.fall", hidden, width)
 
-    def decoder(name: str) -> None:
-        norm(f"{name}.decoder.attention_norm")
-        linear(f"{name}.decoder.attention.query", width, width, bias=False)
-        linear(f"{name}.decoder.attention.kv", width, 2 * width, bias=False)
-        linear(f"{name}.decoder.attention.out", width, width)
-        norm(f"{name}.decoder.feedforward_norm")
-        feedforward(f"{name}.decoder.feedforward")
-        norm(f"{name}.decoder.norm")
-        linear(f"{name}.pointer.query", width, width, bias=False)
-        linear(f"{name}.pointer.key", width, width, bias=False)
-
-    linear("encoder.embedding", feature_count(config.features), width)
-    for layer in range(config.layers):
-        name = f"encoder.layers.{layer}"
-        norm(f"{name}.attention_norm")
-        linear(f"{name}.attention.qkv", width, 3 * width, bias=False)
-        linear(f"{name}.attention.out", width, width)
-        norm(f"{name}.feedforward_norm")
-        feedforward(f"{name}.feedforward")
-    norm("encoder.norm")
-    if config.variant != "vanilla":
-        decoder("beacon_decoder")
-    linear("waypoint_decoder.join", (1 if config.variant == "vanilla" else 2) * width, width)
-    if config.toward:
-        shapes["waypoint_decoder.toward"] = (1,)
-    decoder("waypoint_decoder")
-    return shapes
+    def decoder(self, name: str) -> None:
+        """Add a decoder layer and its pointer."""
+        width = self._config.width
+        self.norm(f"{name}.decoder.attention_norm")
+        self.linear(f"{name}.decoder.attention.query", width, width, bias=False)
+        self.linear(f"{name}.decoder.attention.kv", width, 2 * width, bias=False)
+        self.linear(f"{name}.decoder.attention.out", width, width)
+        self.norm(f"{name}.decoder.feedforward_norm")
+        self.feedforward(f"{name}.decoder.feedforward")
+        self.norm(f"{name}.decoder.norm")
+        self.linear(f"{name}.pointer.query", width, width, bias=False)
+        self.linear(f"{name}.pointer.key", width, width, bias=False)
 
 
 def initial_parameters(config: NetworkConfig, seed: int) -> dict[str, NDArray[np.float32]]:
@@ -88,9 +119,18 @@ def with_features(arrays: Arrays, trained: NetworkConfig, wanted: NetworkConfig)
         arrays: weights of a network of ``trained``.
         trained: its configuration; its features are the first ones of those wanted, or the same.
         wanted: configuration of the network that begins with these weights.
+
+    Raises:
+        WeightsError: its features do not begin with those that the weights were trained with.
     """
+    before, after = FEATURE_NAMES[trained.features], FEATURE_NAMES[wanted.features]
+    if after[: len(before)] != before:
+        raise WeightsError(
+            f"weights of a network with the features {trained.features!r} cannot go on with {wanted.features!r}: set "
+            f"network.features={trained.features}"
+        )
     name = "encoder.embedding.weight"
-    missing = feature_count(wanted.features) - feature_count(trained.features)
+    missing = len(after) - len(before)
     grown = dict(arrays)
     if missing > 0 and name in grown:
         grown[name] = np.pad(grown[name], ((0, 0), (0, missing)))

@@ -1,15 +1,13 @@
-"""The policy network π(b, a | o) = π_b(b | o) π_a(a | o, b), in the paper's three variants."""
+"""What every policy network owes the losses: log-probabilities of beacons and waypoints."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-import torch
 from torch import Tensor, nn
 
 from common.config import NetworkConfig
-from common.network.decoders import BeaconDecoder, WaypointDecoder
-from common.network.encoder import Encoder
 from common.network.graph_batch import GraphBatch
 
 
@@ -18,38 +16,30 @@ class PolicyOutput:
     """What the policy network says about a batch; slots and pairs are those of the `GraphBatch`.
 
     Attributes:
-        log_beacon: log π_b(b | o), float32, shape (total beacons,); zeros in `vanilla`.
+        log_beacon: log π_b(b | o), float32, shape (total beacons,); zeros where no beacon is chosen.
         log_waypoint: log π_a(a | o, b) of every pair, float32, shape (total pairs,).
-        beacon_features: decoded feature of each beacon, shape (total beacons, d); None in `vanilla`.
-        waypoint_features: decoded feature of each waypoint, shape (total waypoints, d).
+        beacon_features: decoded feature of each beacon, shape (total beacons, d); None where no beacon is chosen.
+        waypoint_features: decoded feature of each waypoint, shape (total waypoints, d), for the contrastive loss; None
+            in networks that it is not for.
     """
 
     log_beacon: Tensor
     log_waypoint: Tensor
     beacon_features: Tensor | None
-    waypoint_features: Tensor
+    waypoint_features: Tensor | None
 
 
-class PolicyNetwork(nn.Module):
-    """Encoder, beacon decoder and waypoint decoder (paper, section IV).
+class PolicyNetwork(nn.Module, ABC):
+    """A network that chooses: `common.network.factory.make_policy_network` makes that of a configuration.
 
-    The variant `vanilla` has no beacon decoder; `hierarchical` and `hdplanner` are one network, which the losses
-    tell apart.
+    Its weights are those of `common.network.parameters.parameter_shapes`; `common.network.inference` does the same in
+    numpy for one observation at a time, and `learner.run.onnx_model` in ONNX.
     """
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
         self.config = config
-        self.encoder = Encoder(config)
-        self.beacon_decoder = BeaconDecoder(config) if config.variant != "vanilla" else None
-        self.waypoint_decoder = WaypointDecoder(config)
 
+    @abstractmethod
     def forward(self, batch: GraphBatch) -> PolicyOutput:
         """Compute all log-probabilities of a batch."""
-        nodes = self.encoder(batch)
-        log_waypoint, waypoint_features = self.waypoint_decoder(nodes, batch)
-        if self.beacon_decoder is None:
-            log_beacon, beacon_features = torch.zeros_like(batch.beacon_rows, dtype=torch.float32), None
-        else:
-            log_beacon, beacon_features = self.beacon_decoder(nodes, batch)
-        return PolicyOutput(log_beacon, log_waypoint, beacon_features, waypoint_features)

@@ -13,7 +13,7 @@ from common.observations.observation import NEIGHBOUR_COUNT, STEP_UNITS, Observa
 from common.observations.paths import TIE, shortest_paths
 from common.system.jit import njit
 
-FeatureSet = Literal["paper", "extended", "guided"]
+FeatureSet = Literal["paper", "extended", "guided", "ariadne", "ca"]
 FEATURE_NAMES: dict[FeatureSet, tuple[str, ...]] = {
     "paper": (
         "x",
@@ -45,6 +45,10 @@ FEATURE_NAMES["guided"] = (
     "reach",
 )
 
+# The features of two publications: nothing that is not among those of the set `paper`.
+FEATURE_NAMES["ariadne"] = ("x", "y", "utility", "visited")
+FEATURE_NAMES["ca"] = (*FEATURE_NAMES["ariadne"], "target_direction_x", "target_direction_y", "target_distance")
+
 # Lattice steps per unit of a position or distance, and the largest such value.
 DISTANCE_SCALE = 20.0
 _LIMIT = 8.0
@@ -59,6 +63,17 @@ _DEGREE_LIMIT = 2.0
 def feature_count(features: FeatureSet) -> int:
     """Number F of features per node."""
     return len(FEATURE_NAMES[features])
+
+
+def computed_set(features: FeatureSet) -> FeatureSet:
+    """Return the set that `node_features` computes for a network of these features."""
+    return "paper" if features in ("ariadne", "ca") else features
+
+
+def feature_columns(features: FeatureSet) -> list[int]:
+    """Return the columns, among those of `computed_set`, that a network of these features reads."""
+    computed = FEATURE_NAMES[computed_set(features)]
+    return [computed.index(name) for name in FEATURE_NAMES[features]]
 
 
 def node_features(batch: ObservationBatch, table: NeighbourTable, features: FeatureSet) -> NDArray[np.float32]:
@@ -90,7 +105,8 @@ def node_features(batch: ObservationBatch, table: NeighbourTable, features: Feat
     18    reach                   range of the sensor / 10                                            0 .. 8
     ====  ======================  ==================================================================  ==========
 
-    Columns 0 to 9 are the set ``paper``, 0 to 14 the set ``extended``, all 19 the set ``guided``. In this last one
+    Columns 0 to 9 are the set ``paper``, 0 to 14 the set ``extended``, all 19 the set ``guided``; ``ariadne`` (columns
+    0 to 3) and ``ca`` (those, and 7 to 9) are picked out of ``paper`` with `feature_columns`. In ``guided``
     frontiers are counted by their length, in sixteenths of a lattice step, so that neither the size of the cells nor
     that of the lattice changes what a utility means. The length of a route is that of the straight lines between its
     viewpoints.
@@ -98,7 +114,7 @@ def node_features(batch: ObservationBatch, table: NeighbourTable, features: Feat
     Args:
         batch: k observations.
         table: their neighbours.
-        features: which set.
+        features: which set; one of its own (see `computed_set`).
 
     Returns:
         float32, shape (nodes, F).

@@ -28,6 +28,9 @@ MAX_TARGET_LINKS = 20
 MAX_OFFSET = 500
 # Nodes of a reference route.
 MAX_ROUTE = 255
+# An image's side in pixels, and which images there are: the surroundings of the robot, and all around it.
+IMAGE_SIDE = 48
+IMAGES = ("near", "far")
 # Lattice steps: no edge leads out of two neighbouring squares, whose cells a winding way can fill.
 MAX_EDGE_LENGTH = 1000.0
 
@@ -58,6 +61,8 @@ class Observation:
         reach: range of the sensor in lattice steps.
         route: viewpoints along the reference route, in its order, the robot's left out, uint16, shape (r,), r <= 255:
             where a classical planner would go, see `common.planners.reference`; empty where nobody was asked.
+        image: the belief around the robot as `IMAGES`, uint8, shape (2, side * side), see
+            `common.mapping.occupancy_image`; None for networks that read none.
     """
 
     offsets: NDArray[np.int16]
@@ -76,6 +81,7 @@ class Observation:
     cell: float
     reach: float
     route: NDArray[np.uint16]
+    image: NDArray[np.uint8] | None = None
 
     @property
     def viewpoints(self) -> int:
@@ -137,6 +143,7 @@ class ObservationBatch:
         reach: float32, shape (k,).
         route_count: viewpoints on the route of each observation, int32, shape (k,).
         route: uint16, shape (sum of route_count,).
+        image: uint8, shape (k, 2, side * side), or None.
     """
 
     count: NDArray[np.int32]
@@ -160,13 +167,23 @@ class ObservationBatch:
     reach: NDArray[np.float32]
     route_count: NDArray[np.int32]
     route: NDArray[np.uint16]
+    image: NDArray[np.uint8] | None = None
 
     def __len__(self) -> int:
         return len(self.count)
 
     @classmethod
     def stack(cls, observations: Sequence[Observation]) -> ObservationBatch:
-        """Lay observations behind one another; at least one."""
+        """Lay observations behind one another; at least one.
+
+        Raises:
+            ValueError: some have an image and some have none.
+        """
+        images = [o.image for o in observations if o.image is not None]
+        if images and len(images) < len(observations):
+            raise ValueError(
+                f"all observations of a batch have an image or none has: {len(images)} of {len(observations)}"
+            )
         return cls(
             count=np.array([o.viewpoints for o in observations], dtype=np.int32),
             offsets=np.concatenate([o.offsets for o in observations]),
@@ -189,6 +206,7 @@ class ObservationBatch:
             reach=np.array([o.reach for o in observations], dtype=np.float32),
             route_count=np.array([len(o.route) for o in observations], dtype=np.int32),
             route=np.concatenate([o.route for o in observations]),
+            image=np.stack(images) if images else None,
         )
 
     def select(self, chosen: NDArray[np.bool_]) -> ObservationBatch:
@@ -217,6 +235,7 @@ class ObservationBatch:
             reach=self.reach[chosen],
             route_count=self.route_count[chosen],
             route=self.route[np.repeat(chosen, self.route_count)],
+            image=None if self.image is None else self.image[chosen],
         )
 
     def __getitem__(self, index: int) -> Observation:
@@ -244,4 +263,5 @@ class ObservationBatch:
             cell=float(self.cell[index]),
             reach=float(self.reach[index]),
             route=self.route[part(self.route_count)],
+            image=None if self.image is None else self.image[index],
         )

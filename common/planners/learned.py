@@ -69,7 +69,8 @@ class LearnedPlanner:
     in the open, in navigation D* Lite. Policies of one's own have no guard.
 
     Rule and guard are no part of the paper, so their decisions are counted, and `hdplanner-bare` is the network without
-    either.
+    either. A policy's file may also hold the network of a learned baseline (docs/baselines.md), to which the same rule
+    applies.
 
     The network reads steps of the lattice, not metres: viewpoints should be as far apart as in training, as a share of
     the sensor's range. Otherwise all that it sees is wider, or more finely divided, than what it was trained on, and a
@@ -226,7 +227,10 @@ class LearnedPlanner:
 
     def _decide(self, mapper: Mapper, pose: Pose) -> int:
         """Return the node that the network chooses; it notes the beacon and the attention."""
-        observation = mapper.observe() if self._reference is None else self._reference.observe(mapper, pose)
+        if self._reference is None:
+            observation = mapper.observe(image=self.policy.config.reads_image)
+        else:
+            observation = self._reference.observe(mapper, pose)
         decision = self.policy.decide(observation, greedy=True, rng=self._random)
         self._beacon = mapper.position(decision.beacon)
         self.attention = Attention(

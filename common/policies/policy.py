@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.config import NetworkConfig
 from common.network.graph_arrays import GraphArrays
-from common.network.inference import InferenceNetwork
+from common.network.inference import DecisionNetwork, make_inference
 from common.network.parameters import Arrays, check_parameters, initial_parameters, parameter_shapes
 from common.observations.observation import Observation, ObservationBatch
 
@@ -23,7 +23,8 @@ class Decision:
         beacon: chosen beacon, node number.
         waypoint: chosen waypoint, node number.
         log_probability: log π(b, a | o).
-        beacon_probabilities: π_b, in the order of `Observation.beacon_nodes`; in `vanilla` 1 at the reported one.
+        beacon_probabilities: π_b, in the order of `Observation.beacon_nodes`; 1 at the reported one in networks that
+            choose none.
         waypoint_probabilities: the marginal Σ_b π_b π_a(. | b), in the order of `Observation.waypoint_nodes`.
     """
 
@@ -32,14 +33,6 @@ class Decision:
     log_probability: float
     beacon_probabilities: NDArray[np.float32]
     waypoint_probabilities: NDArray[np.float32]
-
-
-class DecisionNetwork(Protocol):
-    """An engine that runs the policy network for one observation."""
-
-    def __call__(self, graph: GraphArrays) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return log π_b, shape (beacons,), and log π_a given each beacon, shape (beacons, waypoints)."""
-        ...
 
 
 class Policy:
@@ -84,7 +77,7 @@ class Policy:
             WeightsError: a weight is missing, unknown, of another shape or type, or not finite.
         """
         check_parameters(arrays, self._shapes)
-        self._network = InferenceNetwork(self.config, arrays)
+        self._network = make_inference(self.config, arrays)
         self.version = version
 
     def decide(
@@ -99,7 +92,7 @@ class Policy:
         Greedy takes the waypoint of the largest marginal Σ_b π_b π_a(a | b), which is steadier than that of the most
         probable beacon, and reports the beacon that contributes most to it. Otherwise (b, a) is drawn from π.
 
-        A `vanilla` policy chooses no beacon; it reports the one nearest to the robot in a straight line.
+        A policy without beacons (`vanilla`, the baselines) reports the one nearest to the robot in a straight line.
 
         Args:
             observation: what the robot knows; it must have a beacon and a waypoint.

@@ -1,7 +1,8 @@
 """The eight symmetries of the lattice: a planner's world has no up and no left, so each transition serves eight times.
 
 Symmetry s turns by (s mod 4) quarter turns counter-clockwise, after mirroring x when s >= 4. Symmetry 0 is none. Only
-positions change: nodes keep their numbers, and with them edges, choices and labels stay as they are.
+positions change, and images turn with them: nodes keep their numbers, and with them edges, choices and labels stay as
+they are.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from common.observations.observation import ObservationBatch
+from common.observations.observation import IMAGE_SIDE, ObservationBatch
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.whole import drawn
 
@@ -32,6 +33,21 @@ MATRICES = _matrices()
 """Matrix of each symmetry: new (dx, dy) = matrix @ (dx, dy), int16, shape (8, 2, 2)."""
 
 
+def _pixels() -> NDArray[np.int64]:
+    """Return from which pixel each pixel of an image comes, by symmetry, shape (8, pixels); rows run along y."""
+    # Twice the place of a pixel's centre, from the image's centre, is a whole number.
+    rows, columns = np.divmod(np.arange(IMAGE_SIDE**2), IMAGE_SIDE)
+    places = 2 * np.stack([columns, rows]) - (IMAGE_SIDE - 1)
+    source = np.empty((SYMMETRIES, IMAGE_SIDE**2), dtype=np.int64)
+    for s in range(SYMMETRIES):
+        x, y = (MATRICES[s] @ places + IMAGE_SIDE - 1) // 2
+        source[s, y * IMAGE_SIDE + x] = np.arange(IMAGE_SIDE**2)
+    return source
+
+
+_SOURCES = _pixels()
+
+
 def transform_observations(batch: ObservationBatch, symmetries: NDArray[np.int64]) -> ObservationBatch:
     """Apply one symmetry, 0 .. 7, to each observation; shape of ``symmetries`` (k,)."""
     matrices = MATRICES[symmetries]
@@ -39,6 +55,7 @@ def transform_observations(batch: ObservationBatch, symmetries: NDArray[np.int64
         batch,
         offsets=_turn(np.repeat(matrices, batch.count, axis=0), batch.offsets),
         target_offset=_turn(matrices, batch.target_offset),
+        image=None if batch.image is None else np.take_along_axis(batch.image, _SOURCES[symmetries][:, None], axis=2),
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
@@ -22,7 +24,7 @@ class CriticHead(nn.Module):
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
         width = config.width
-        self.hierarchical = config.variant != "vanilla"
+        self.hierarchical = config.hierarchical
         self.ask_beacon = nn.Linear(2 * width, width) if self.hierarchical else None
         self.ask_waypoint = nn.Linear(2 * width, width)
         self.decoder = DecoderLayer(config)
@@ -48,7 +50,29 @@ class CriticHead(nn.Module):
         return torch.cat([nodes.index_select(0, rows), robots], dim=1)
 
 
-class HierarchicalCritic(nn.Module):
+class Critic(nn.Module, ABC):
+    """Twin Q functions of all pairs of an observation."""
+
+    @abstractmethod
+    def values(self, batch: GraphBatch) -> tuple[Tensor, Tensor]:
+        """Return both Q of every pair of the batch, float32, shape (total pairs,) each."""
+
+    def forward(self, batch: GraphBatch, known: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Return both Q of every pair of the batch, float32, shape (total pairs,) each.
+
+        Args:
+            batch: the observations.
+            known: what is known beforehand of the Q of each waypoint slot, shape (total waypoints,): the reward that
+                a privileged critic is told. The networks then learn the rest, what comes after that reward.
+        """
+        first, second = self.values(batch)
+        if known is None:
+            return first, second
+        offset = known.index_select(0, batch.pair_waypoint)
+        return first + offset, second + offset
+
+
+class HierarchicalCritic(Critic):
     """Twin Q functions on an encoder of their own.
 
     The twins share the encoder, which is nearly all of the cost, and have separate decoders and joins.
@@ -60,17 +84,7 @@ class HierarchicalCritic(nn.Module):
         self.first = CriticHead(config)
         self.second = CriticHead(config)
 
-    def forward(self, batch: GraphBatch, known: Tensor | None = None) -> tuple[Tensor, Tensor]:
-        """Return both Q of every pair of the batch, float32, shape (total pairs,) each.
-
-        Args:
-            batch: the observations.
-            known: what is known beforehand of the Q of each waypoint slot, shape (total waypoints,): the reward that
-                a privileged critic is told. The networks then learn the rest, what comes after that reward.
-        """
+    def values(self, batch: GraphBatch) -> tuple[Tensor, Tensor]:
+        """Return both Q of every pair."""
         nodes = self.encoder(batch)
-        first, second = self.first(nodes, batch), self.second(nodes, batch)
-        if known is None:
-            return first, second
-        offset = known.index_select(0, batch.pair_waypoint)
-        return first + offset, second + offset
+        return self.first(nodes, batch), self.second(nodes, batch)

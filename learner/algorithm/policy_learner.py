@@ -16,8 +16,9 @@ from torch import Tensor, nn
 
 from common.config import RunConfig
 from common.errors import CheckpointError
+from common.network.factory import make_policy_network
 from common.network.graph_batch import GraphBatch
-from common.network.policy_network import PolicyNetwork, PolicyOutput
+from common.network.policy_network import PolicyOutput
 from common.network.segment import segment_sum
 from common.network.state import load_arrays, to_arrays
 from learner.algorithm.augment import augment
@@ -59,7 +60,7 @@ class PolicyLearner(ABC):
         self.device = device
         self.updates = 0
         self.ranks: Ranks | None = None
-        self.policy = PolicyNetwork(config.network).to(device)
+        self.policy = make_policy_network(config.network).to(device)
         self.average = deepcopy(self.policy).requires_grad_(False)
         self._optimisers = {"policy": Optimiser(self.policy, clip_norm)}
         self._teachers = Teachers(config)
@@ -225,6 +226,7 @@ class PolicyLearner(ABC):
     def _contrast(self, batch: GraphBatch, output: PolicyOutput, q: Tensor) -> Tensor:
         """Contrastive joint optimisation (Algorithm 2) with the values q of all pairs as the judge."""
         config = self.config.contrastive
+        assert output.waypoint_features is not None, "the contrastive loss is for the variant `hdplanner` alone"
         chance = self._chance(len(batch.waypoint_rows))
         with torch.no_grad():
             ones = torch.ones_like(q)

@@ -11,7 +11,7 @@ from common.config import RunConfig
 from common.network.policy_network import PolicyOutput
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.cloning import cloning_loss
-from learner.algorithm.critic import HierarchicalCritic
+from learner.algorithm.critics import make_critic
 from learner.algorithm.losses import (
     critic_loss,
     critic_target,
@@ -44,7 +44,7 @@ class SacLearner(PolicyLearner):
     def __init__(self, config: RunConfig, device: torch.device) -> None:
         with seeded(config.seed):
             super().__init__(config, device, config.sac.clip_norm)
-            self.critic = HierarchicalCritic(config.network).to(device)
+            self.critic = make_critic(config.network).to(device)
         self.temperatures = Temperatures(config.sac.initial_temperature).to(device)
         self.target = deepcopy(self.critic).requires_grad_(False)
         self._optimisers["critic"] = Optimiser(self.critic, config.sac.clip_norm)

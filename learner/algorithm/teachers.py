@@ -14,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 
 from common.config import RunConfig
+from common.network.factory import make_policy_network
 from common.network.graph_arrays import GraphArrays
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyNetwork
@@ -44,7 +45,7 @@ class Teachers:
         if self._earlier.any():
             assert config.learner.initial_policy is not None, "the configuration was checked"
             weights, card = read_weights(Path(config.learner.initial_policy).expanduser())
-            self._policy = PolicyNetwork(card.network).requires_grad_(False)
+            self._policy = make_policy_network(card.network).requires_grad_(False)
             load_arrays(self._policy, weights)
 
     def wanted(self, batch: TransitionBatch, arrays: GraphArrays) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

@@ -37,13 +37,14 @@ class ReplayBuffer:
     Args:
         capacity: transitions held at most.
         max_bytes: memory held at most.
+        images: every observation that comes has an image; otherwise none has.
     """
 
-    def __init__(self, capacity: int, max_bytes: int) -> None:
+    def __init__(self, capacity: int, max_bytes: int, *, images: bool = False) -> None:
         self.capacity = capacity
         self.max_bytes = max_bytes
         self._lock = threading.Lock()
-        self._store = ObservationStore(capacity, max_bytes)
+        self._store = ObservationStore(capacity, max_bytes, images=images)
         self._slots = self._store.slots
         self._columns = self._store.columns
         # Arrival numbers count for ever: the observations here are those from _oldest to _next - 1.

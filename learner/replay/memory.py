@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 
 from common.errors import ConfigError
 from common.messages.experience_codec import MAX_STEPS
-from common.observations.observation import MAX_DEGREE, MAX_ROUTE, MAX_TARGET_LINKS, MAX_VIEWPOINTS
+from common.observations.observation import (
+    IMAGE_SIDE,
+    IMAGES,
+    MAX_DEGREE,
+    MAX_ROUTE,
+    MAX_TARGET_LINKS,
+    MAX_VIEWPOINTS,
+)
 
 # Freed rows are given back to the operating system when they are this many bytes.
 _RELEASE_BYTES = 1 << 21
@@ -61,8 +68,8 @@ class RingKind:
         return sum(np.dtype(dtype).itemsize * width for dtype, width in self.columns)
 
 
-VIEWPOINTS, EDGES, BENT, LINKS, ROUTES, COSTS = range(6)
-"""Numbers of the rings."""
+VIEWPOINTS, EDGES, BENT, LINKS, ROUTES, COSTS, PICTURES = range(7)
+"""Numbers of the rings; the last one is there only in buffers whose observations have images."""
 KINDS = (
     # Offsets, utility, visited + 2 beacon, degree.
     RingKind(((np.int16, 2), (np.uint16, 1), (np.uint8, 1), (np.uint8, 1)), MAX_VIEWPOINTS),
@@ -77,10 +84,18 @@ KINDS = (
     # The expert's cost of each waypoint: all neighbours and the target.
     RingKind(((np.float32, 1),), (MAX_DEGREE + 1) * (MAX_STEPS + 1)),
 )
-ROW_BYTES = np.array([kind.row_bytes for kind in KINDS])
-"""Bytes of one row in each ring."""
-LARGEST_PIECE = sum(kind.largest * kind.row_bytes for kind in KINDS)
-"""Bytes in all rings that one piece takes at most."""
+# Images of one observation. Chunks of more observations are stored one by one.
+_PICTURES = RingKind(((np.uint8, len(IMAGES) * IMAGE_SIDE**2),), 32)
+
+
+def ring_kinds(images: bool) -> tuple[RingKind, ...]:
+    """Return what the rings of a buffer hold, whose observations have images or not."""
+    return (*KINDS, _PICTURES) if images else KINDS
+
+
+def largest_piece(kinds: Sequence[RingKind]) -> int:
+    """Bytes in all rings that one piece takes at most."""
+    return sum(kind.largest * kind.row_bytes for kind in kinds)
 
 
 class Ring:
@@ -150,8 +165,8 @@ class SlotColumns:
 
     Attributes:
         delivery: number of the delivery that it came with, counted by the buffer, int64.
-        first: first row in each ring, int64, shape (slots, 6).
-        length: rows in each ring, int32, shape (slots, 6).
+        first: first row in each ring, int64, shape (slots, rings).
+        length: rows in each ring, int32, shape (slots, rings).
         robot: node number, int32.
         has_target: bool.
         target_known: bool.
@@ -201,7 +216,7 @@ class SlotColumns:
     unseen: NDArray[np.float32]
 
     @classmethod
-    def allocate(cls, slots: int) -> SlotColumns:
+    def allocate(cls, slots: int, rings: int) -> SlotColumns:
         """Return columns for ``slots`` observations; memory is taken when rows are first written."""
 
         def column(dtype: type[T], width: int = 1) -> NDArray[T]:
@@ -209,8 +224,8 @@ class SlotColumns:
 
         return cls(
             delivery=column(np.int64),
-            first=column(np.int64, len(KINDS)),
-            length=column(np.int32, len(KINDS)),
+            first=column(np.int64, rings),
+            length=column(np.int32, rings),
             robot=column(np.int32),
             has_target=column(np.bool_),
             target_known=column(np.bool_),
@@ -235,13 +250,13 @@ class SlotColumns:
         )
 
     @classmethod
-    def row_bytes(cls) -> int:
+    def row_bytes(cls, rings: int) -> int:
         """Bytes of one row over all columns."""
-        row = cls.allocate(1)
+        row = cls.allocate(1, rings)
         return sum(getattr(row, field.name).nbytes for field in fields(row))
 
 
-def plan_memory(capacity: int, max_bytes: int) -> tuple[int, int]:
+def plan_memory(capacity: int, max_bytes: int, kinds: Sequence[RingKind]) -> tuple[int, int]:
     """Split ``max_bytes`` into (observation slots, bytes of all rings together).
 
     Every transition needs one slot, and every ended episode one more for its last observation: two per transition
@@ -250,10 +265,10 @@ def plan_memory(capacity: int, max_bytes: int) -> tuple[int, int]:
     Raises:
         ConfigError: when the rest cannot hold one observation of the largest size.
     """
-    slot_bytes = SlotColumns.row_bytes()
+    slot_bytes = SlotColumns.row_bytes(len(kinds))
     slots = min(max(2 * capacity, 1024), max_bytes // 8 // slot_bytes)
     ring_bytes = max_bytes - slots * slot_bytes
-    if ring_bytes < LARGEST_PIECE or slots < 2:
+    if ring_bytes < largest_piece(kinds) or slots < 2:
         raise ConfigError(
             f"replay.max_bytes is {max_bytes:,}, which cannot hold one observation of {MAX_VIEWPOINTS:,} viewpoints "
             f"with {MAX_DEGREE} neighbours each: set it to 30,000,000 or more"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from common.messages.experience import Chunk
 from common.observations.index import waypoint_counts
-from learner.replay.memory import KINDS
+from learner.replay.memory import ring_kinds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,8 +20,8 @@ class RaggedParts:
     Attributes:
         arrays: the columns of each ring.
         choices: number of waypoints of each observation, int32, shape (k,).
-        length: rows of each observation in each ring, int32, shape (k, 6).
-        ends: first row of each observation in the arrays, then their number of rows, int64, shape (k + 1, 6).
+        length: rows of each observation in each ring, int32, shape (k, rings).
+        ends: first row of each observation in the arrays, then their number of rows, int64, shape (k + 1, rings).
     """
 
     arrays: tuple[tuple[NDArray[Any], ...], ...]
@@ -37,10 +37,13 @@ class RaggedParts:
         costs = np.zeros(len(batch), dtype=np.int32)
         if labels is not None:
             costs[: chunk.steps] = choices[: chunk.steps]
-        length = np.stack(
-            [batch.count, batch.edge_count, batch.bent_count, batch.link_count, batch.route_count, costs], axis=1
-        )
-        ends = np.zeros((len(batch) + 1, len(KINDS)), dtype=np.int64)
+        counts = [batch.count, batch.edge_count, batch.bent_count, batch.link_count, batch.route_count, costs]
+        pictures: tuple[tuple[NDArray[Any], ...], ...] = ()
+        if batch.image is not None:
+            counts.append(np.ones(len(batch), dtype=np.int32))
+            pictures = ((batch.image.reshape(len(batch), -1),),)
+        length = np.stack(counts, axis=1)
+        ends = np.zeros((len(batch) + 1, len(ring_kinds(batch.image is not None))), dtype=np.int64)
         np.cumsum(length, axis=0, out=ends[1:])
         marks = batch.visited + 2 * batch.beacon.view(np.uint8)
         arrays = (
@@ -50,5 +53,6 @@ class RaggedParts:
             (batch.target_links,),
             (batch.route,),
             (np.zeros(0, dtype=np.float32) if labels is None else labels.cost,),
+            *pictures,
         )
         return cls(arrays, choices, length, ends)

@@ -8,20 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.messages.experience import ExpertLabels
-from common.observations.observation import ObservationBatch
+from common.observations.observation import IMAGES, ObservationBatch
 from learner.replay.gather import gather
 from learner.replay.memory import (
     BENT,
     COSTS,
     EDGES,
-    KINDS,
     LINKS,
+    PICTURES,
     ROUTES,
-    ROW_BYTES,
     VIEWPOINTS,
     Ring,
     SlotColumns,
     plan_memory,
+    ring_kinds,
 )
 from learner.replay.ragged import RaggedParts
 
@@ -35,6 +35,7 @@ class ObservationStore:
     Args:
         capacity: transitions that are to fit.
         max_bytes: memory held at most.
+        images: the observations have images; otherwise none has.
 
     Attributes:
         slots: number of rows.
@@ -43,12 +44,15 @@ class ObservationStore:
         live_bytes: bytes of live rows in all rings together.
     """
 
-    def __init__(self, capacity: int, max_bytes: int) -> None:
-        self.slots, self.ring_bytes = plan_memory(capacity, max_bytes)
-        self.columns = SlotColumns.allocate(self.slots)
-        self.slot_bytes = SlotColumns.row_bytes()
+    def __init__(self, capacity: int, max_bytes: int, *, images: bool = False) -> None:
+        kinds = ring_kinds(images)
+        self.slots, self.ring_bytes = plan_memory(capacity, max_bytes, kinds)
+        self.columns = SlotColumns.allocate(self.slots, len(kinds))
+        self.slot_bytes = SlotColumns.row_bytes(len(kinds))
         self.live_bytes = 0
-        self._rings = [Ring(kind, self.ring_bytes) for kind in KINDS]
+        self._images = images
+        self._row_bytes = np.array([kind.row_bytes for kind in kinds])
+        self._rings = [Ring(kind, self.ring_bytes) for kind in kinds]
 
     def takes_whole(self, ragged: RaggedParts) -> bool:
         """Whether all observations of a chunk go in as one piece."""
@@ -56,7 +60,7 @@ class ObservationStore:
 
     def size(self, ragged: RaggedParts, low: int, high: int) -> int:
         """Bytes that observations ``low`` to ``high - 1`` take in the rings."""
-        return int((ragged.ends[high] - ragged.ends[low]) @ ROW_BYTES)
+        return int((ragged.ends[high] - ragged.ends[low]) @ self._row_bytes)
 
     def write(self, batch: ObservationBatch, ragged: RaggedParts, low: int, high: int, first: int) -> NDArray[np.int64]:
         """Write observations ``low`` to ``high - 1``, contiguous in every ring; return their rows.
@@ -93,7 +97,7 @@ class ObservationStore:
     def free(self, row: int) -> None:
         """Take back what the oldest row has in the rings."""
         length = self.columns.length[row]
-        self.live_bytes -= int(length @ ROW_BYTES)
+        self.live_bytes -= int(length @ self._row_bytes)
         for ring, first, rows in zip(self._rings, self.columns.first[row].tolist(), length.tolist(), strict=True):
             ring.free(first, rows)
 
@@ -128,6 +132,7 @@ class ObservationStore:
             reach=columns.reach[rows],
             route_count=length[ROUTES],
             route=route,
+            image=self._pieces(PICTURES, rows)[0].reshape(len(rows), len(IMAGES), -1) if self._images else None,
         )
 
     def labels(self, rows: NDArray[np.int64], labelled: NDArray[np.bool_]) -> ExpertLabels:

@@ -11,12 +11,14 @@ from tests.observations import TARGETS, random_observation
 POOL_SIZE = 60
 
 
-def observation_pool(seed: int = 0, viewpoints: tuple[int, int] = (2, 40), size: int = POOL_SIZE) -> list[Observation]:
+def observation_pool(
+    seed: int = 0, viewpoints: tuple[int, int] = (2, 40), size: int = POOL_SIZE, *, image: bool = False
+) -> list[Observation]:
     """Random observations of all kinds to build episodes from; making them is the slow part."""
     rng = np.random.default_rng(seed)
     return [
         random_observation(
-            rng, int(rng.integers(viewpoints[0], viewpoints[1] + 1)), TARGETS[rng.integers(len(TARGETS))]
+            rng, int(rng.integers(viewpoints[0], viewpoints[1] + 1)), TARGETS[rng.integers(len(TARGETS))], image=image
         )
         for _ in range(size)
     ]

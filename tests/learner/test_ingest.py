@@ -1,5 +1,6 @@
 import json
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,7 +26,8 @@ from tests.learner.runs import episodes, small_config
 def open_ingest(folder, episodes_length=0, config=None):
     config = config or small_config()
     folder.mkdir(exist_ok=True)
-    replay = ReplayBuffer(config.replay.capacity, config.replay.max_bytes)
+    images = config.network.reads_image
+    replay = ReplayBuffer(config.replay.capacity, config.replay.max_bytes, images=images)
     limiter = RateLimiter(1.0, 100, 4)
     journal = Journal(folder / "journal")
     return Ingest(config, replay, limiter, journal, EpisodeLog(folder / "episodes.jsonl", episodes_length)), journal
@@ -53,6 +55,22 @@ def test_each_delivery_counts_once(tmp_path):
     assert [line["distance"] for line in lines(tmp_path)] == [100.0, 101.0, 102.0]
     assert ingest.actors["desk-0"].steps == 24
     journal.close()
+
+
+def test_observations_without_the_images_that_a_run_reads_are_refused(tmp_path):
+    """And those with images that it does not read: both would end in the replay buffer, long after the reply."""
+    graphs, pictures = small_config(), small_config(network={"variant": "cnn"})
+    (delivery,) = episodes(1)[:1]
+    body = delivery.body
+    image = np.zeros((len(body.observations), 2, 48 * 48), dtype=np.uint8)
+    drawn = replace(delivery, body=replace(body, observations=replace(body.observations, image=image)))
+    for place, (config, taken, refused) in enumerate([(graphs, delivery, drawn), (pictures, drawn, delivery)]):
+        ingest, journal = open_ingest(tmp_path / str(place), config=config)
+        with pytest.raises(RefusedError, match=r"must have (an|no) image"):
+            ingest.store(refused)
+        ingest.store(taken)
+        assert counts(ingest)[0] == body.steps
+        journal.close()
 
 
 def test_a_killed_learner_gets_everything_back_exactly(tmp_path):

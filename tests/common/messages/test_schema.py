@@ -60,6 +60,20 @@ def test_chunks_come_back_unchanged(seed, steps, end, labels, sequence, incarnat
     assert equal(decode(encode(sent), Delivery), sent)
 
 
+def test_images_travel_only_where_there_are_some():
+    """A column that no other network asks for costs no other message a byte."""
+    sent = samples.delivery(np.random.default_rng(0), 1, steps=3, end=End.TERMINAL)
+    columns = unpack(encode(sent), max_bytes=1 << 26)["body"]["observations"]
+    assert "image" not in columns
+    images = np.random.default_rng(1).integers(0, 256, (4, 2, 48 * 48)).astype(np.uint8)
+    observations = dataclasses.replace(sent.body.observations, image=images)
+    with_images = dataclasses.replace(sent, body=dataclasses.replace(sent.body, observations=observations))
+    assert equal(decode(encode(with_images), Delivery), with_images)
+    for wrong in (images[:3], images[:, :1], images.astype(np.int8), None):
+        with pytest.raises(MessageError, match=r"observations\.image: must be"):
+            decode(change(with_images, "body.observations.image", wrong), Delivery)
+
+
 @given(
     st.builds(
         samples.report,

@@ -26,6 +26,7 @@ _SINCE = {
     "reach": np.full(_COUNT, 5.0, dtype=np.float32),
     "route_count": np.zeros(_COUNT, dtype=np.int32),
     "route": np.zeros(0, dtype=np.uint16),
+    "image": None,
 }
 BATCH = ObservationBatch(
     **{

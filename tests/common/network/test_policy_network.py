@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from common.config import NetworkConfig
 from common.network.attention import CrossAttention, EdgeAttention, cross_attention, edge_attention
+from common.network.factory import make_policy_network
 from common.network.graph_batch import GraphBatch
 from common.network.parameters import parameter_shapes
-from common.network.policy_network import PolicyNetwork
 from common.network.segment import segment_sum
 from common.network.state import to_arrays
 from tests.common.network.dense import dense_batch, dense_policy
@@ -43,7 +43,7 @@ def test_equals_dense_implementation(seed: int, count: int, variant: str, featur
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
     config = small(variant, features=features, heads=heads)
-    network = PolicyNetwork(config)
+    network = make_policy_network(config)
     observations = random_batch(rng, count, (2, 30))
     batch = GraphBatch.from_observations(observations, config)
     before_relu: list[float] = []
@@ -71,7 +71,7 @@ def test_smallest_graph_has_certain_choices(variant: str) -> None:
     config = small(variant)
     observations = random_batch(np.random.default_rng(3), 1, (2, 2), ("none",))
     observations.beacon[:] = [True, False]
-    output = PolicyNetwork(config)(GraphBatch.from_observations(observations, config))
+    output = make_policy_network(config)(GraphBatch.from_observations(observations, config))
     assert output.log_beacon.tolist() == [0.0]
     assert output.log_waypoint.tolist() == [0.0]
 
@@ -83,7 +83,7 @@ def test_probabilities_sum_to_one_for_any_number_of_threads(threads: int) -> Non
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
     try:
-        output = PolicyNetwork(config)(batch)
+        output = make_policy_network(config)(batch)
         output.log_waypoint.sum().backward()
     finally:
         torch.set_num_threads(before)
@@ -95,7 +95,7 @@ def test_probabilities_sum_to_one_for_any_number_of_threads(threads: int) -> Non
 
 def test_an_observation_is_independent_of_its_companions() -> None:
     config = small()
-    network = PolicyNetwork(config)
+    network = make_policy_network(config)
     observations = random_batch(np.random.default_rng(1), 4)
     together = network(GraphBatch.from_observations(observations, config))
     alone = observations.select(np.array([False, False, True, False]))
@@ -133,13 +133,13 @@ def test_plain_torch_attention_equals_the_kernels(seed: int, heads: int) -> None
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_parameter_shapes_describe_the_network(variant: str) -> None:
     config = small(variant, layers=3)
-    arrays = to_arrays(PolicyNetwork(config))
+    arrays = to_arrays(make_policy_network(config))
     assert {name: array.shape for name, array in arrays.items()} == parameter_shapes(config)
 
 
 def test_bf16_autocast_stays_close() -> None:
     config = small(width=32)
-    network = PolicyNetwork(config)
+    network = make_policy_network(config)
     batch = GraphBatch.from_observations(random_batch(np.random.default_rng(5), 4), config)
     with torch.autocast("cpu", dtype=torch.bfloat16):
         rough = network(batch)

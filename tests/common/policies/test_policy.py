@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from common.config import NetworkConfig
 from common.errors import WeightsError
+from common.network.factory import make_policy_network
 from common.network.graph_batch import GraphBatch
 from common.network.parameters import initial_parameters
-from common.network.policy_network import PolicyNetwork
 from common.network.state import load_arrays, to_arrays
 from common.observations.observation import Observation, ObservationBatch
 from common.policies.policy import Policy
@@ -26,7 +26,7 @@ CONFIG = NetworkConfig(width=16, heads=4, layers=2)
 def test_equals_the_torch_network(observation: Observation, seed: int, variant: str) -> None:
     config = NetworkConfig(width=16, heads=2, layers=2, variant=variant)
     weights = initial_parameters(config, seed)
-    network = PolicyNetwork(config)
+    network = make_policy_network(config)
     load_arrays(network, weights)
     with torch.no_grad():
         output = network(GraphBatch.from_observations(ObservationBatch.stack([observation]), config))
@@ -94,7 +94,7 @@ def test_wrong_weights_are_refused_and_the_old_ones_stay(spoil: object, message:
 
 def test_weights_survive_the_way_through_torch() -> None:
     weights = initial_parameters(CONFIG, 3)
-    network = PolicyNetwork(CONFIG)
+    network = make_policy_network(CONFIG)
     load_arrays(network, weights)
     returned = to_arrays(network)
     assert all(np.array_equal(returned[name], weights[name]) for name in weights)

@@ -38,7 +38,7 @@ def test_matrices_are_the_dihedral_group() -> None:
 @given(seed=seeds)
 def test_symmetries_compose_and_undo(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    batch = random_batch(rng, 4, (2, 25))
+    batch = random_batch(rng, 4, (2, 25), image=True)
     first, second = rng.integers(SYMMETRIES, size=(2, 4))
     once = transform_observations(batch, first)
     product = np.array([INDEX[tuple((MATRICES[b] @ MATRICES[a]).ravel())] for a, b in zip(first, second, strict=True)])
@@ -51,7 +51,7 @@ def test_symmetries_compose_and_undo(seed: int) -> None:
 @given(seed=seeds)
 def test_observations_stay_valid_and_features_follow(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    batch = random_batch(rng, 3, (2, 25))
+    batch = random_batch(rng, 3, (2, 25), image=True)
     symmetries = rng.integers(SYMMETRIES, size=3)
     moved = transform_observations(batch, symmetries)
     check_observations(moved, "moved")
@@ -83,6 +83,18 @@ def test_choices_and_labels_stay_as_they_are(seed: int) -> None:
         ):
             np.testing.assert_array_equal(np.abs(before.steps).sum(axis=1), np.abs(after.steps).sum(axis=1))
             np.testing.assert_array_equal(before.waypoint_nodes(), after.waypoint_nodes())
+
+
+@given(symmetry=st.integers(0, SYMMETRIES - 1), x=st.integers(-24, 23), y=st.integers(-24, 23))
+def test_images_turn_with_what_they_show(symmetry: int, x: int, y: int) -> None:
+    """A mark at the pixel that holds (x + 1/2, y + 1/2) moves as a viewpoint there does."""
+    batch = random_batch(np.random.default_rng(0), 1, (2, 2), image=True)
+    image = np.zeros((48, 48), dtype=np.uint8)
+    image[y + 24, x + 24] = 15
+    batch.image[0, 1] = image.ravel()
+    moved = transform_observations(batch, np.array([symmetry])).image[0, 1].reshape(48, 48)
+    (row,), (column,) = np.nonzero(moved)
+    assert [2 * column - 47, 2 * row - 47] == (MATRICES[symmetry] @ [2 * x + 1, 2 * y + 1]).tolist()
 
 
 def test_both_observations_of_a_transition_turn_alike() -> None:

@@ -74,6 +74,26 @@ def test_transitions_are_the_same_in_whatever_order_chunks_arrive(data):
             assert terminal == expected[reward][2]
 
 
+def test_images_come_back_with_their_observations():
+    """From chunks larger than what a piece of images may be, and through a ring that goes round."""
+    rng = np.random.default_rng(5)
+    pool = observation_pool(5, (2, 6), 40, image=True)
+    replay = ReplayBuffer(capacity=90, max_bytes=30_000_000, images=True)
+    made = [
+        deliver(episode_chunks(rng, pool, 50, 50, End.TERMINAL, episode=episode), actor=f"desk-{episode}")[0]
+        for episode in range(5)
+    ]
+    for delivery in made:
+        replay.add(delivery)
+    expected = all_transitions(made)
+    found = drawn(replay)
+    assert {reward // 1000 for reward in found} == {3.0, 4.0}
+    for reward, (o, following, _) in found.items():
+        assert same(o, expected[reward][0]) and o.image is not None
+        assert same(following, expected[reward][1])
+    assert replay.bytes > 91 * 2 * 48 * 48
+
+
 def test_a_missing_chunk_leaves_a_gap_until_it_arrives():
     chunks = deliver(episode_chunks(np.random.default_rng(1), POOL, 12, 4, End.TRUNCATED))
     replay = ReplayBuffer(capacity=1000, max_bytes=30_000_000)
@@ -175,7 +195,7 @@ def test_the_oldest_leave_first_and_limits_hold(seed, capacity, reorder):
 
 
 def test_a_buffer_bounded_by_bytes_wraps_around_without_mixing_rows():
-    large = observation_pool(seed=5, viewpoints=(600, 1200), size=20)
+    large = observation_pool(seed=5, viewpoints=(600, 1200), size=8)
     rng = np.random.default_rng(0)
     replay = ReplayBuffer(capacity=100_000, max_bytes=30_000_000)
     recent: dict[float, tuple[Observation, Observation, bool]] = {}

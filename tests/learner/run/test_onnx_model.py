@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from common.config import MappingConfig, NetworkConfig
 from common.errors import CheckpointError, WeightsError
+from common.network.factory import make_policy_network
 from common.network.graph_arrays import GraphArrays
 from common.network.graph_batch import GraphBatch
-from common.network.inference import InferenceNetwork
+from common.network.inference import make_inference
 from common.network.onnx_network import OnnxNetwork
 from common.network.parameters import initial_parameters
-from common.network.policy_network import PolicyNetwork
 from common.observations.observation import ObservationBatch
 from common.policies.onnx_file import split
 from common.policies.policy_file import PolicyCard, read_card, read_policy, write_card, write_onnx, write_policy
@@ -32,6 +32,9 @@ CONFIGS = {
     )
     for variant in ("vanilla", "hierarchical", "hdplanner")
     for features, graph in (("paper", "full"), ("extended", "full"), ("extended", "reduced"), ("guided", "tokens"))
+} | {
+    name: NetworkConfig(variant=name, features=features, graph=graph, width=32, heads=4, layers=2)
+    for name, features, graph in (("ariadne", "ariadne", "full"), ("ca", "ca", "reduced"), ("cnn", "paper", "full"))
 }
 
 
@@ -51,15 +54,15 @@ def networks():
     made = {}
     for name, config in CONFIGS.items():
         arrays = trained(config)
-        network = PolicyNetwork(config)
+        network = make_policy_network(config)
         network.load_state_dict({key: torch.from_numpy(array) for key, array in arrays.items()})
-        made[name] = (network, InferenceNetwork(config, arrays), OnnxNetwork(onnx_model(config, arrays)))
+        made[name] = (network, make_inference(config, arrays), OnnxNetwork(onnx_model(config, arrays)))
     return made
 
 
 @pytest.mark.parametrize("name", CONFIGS)
-@settings(max_examples=40)
-@given(observation=observations(60))
+@settings(max_examples=30)
+@given(observation=observations(60, image=True))
 def test_all_three_networks_say_the_same(networks, name, observation):
     through_torch, through_numpy, through_onnx = networks[name]
     graph = GraphArrays.from_observations(ObservationBatch.stack([observation]), CONFIGS[name])
@@ -195,4 +198,4 @@ def test_sizes_of_the_paper_agree_too(paper_networks, seed, viewpoints, target):
 def paper_networks():
     config = NetworkConfig()
     arrays = initial_parameters(config, 0)
-    return InferenceNetwork(config, arrays), OnnxNetwork(onnx_model(config, arrays)), config
+    return make_inference(config, arrays), OnnxNetwork(onnx_model(config, arrays)), config
