@@ -79,8 +79,12 @@ TRAININGS: Final = (
         "exploration",
         (f"cloning.updates={IMITATION}", "sac.critic_only_updates=100", "network.graph=full"),
     ),
+    Training("ariadne-exploration", "ariadne", "exploration", "ariadne"),
+    Training("cnn-exploration", "cnn", "exploration", "cnn"),
+    Training("ca-navigation", "ca", "navigation", "ca"),
 )
-"""`paper-features` and `full-graph` are hdplanner without what this project added to the paper's inputs."""
+"""`paper-features` and `full-graph` are hdplanner without what this project added to the paper's inputs. The baselines
+learn as published, without imitation (docs/baselines.md)."""
 
 
 @dataclass(frozen=True, slots=True)
