@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from common.mapping.belief import Belief
 from common.mapping.clearance import near_spans
-from common.mapping.passages import any_near, update_passages
-from common.mapping.sight import FREE, UNKNOWN, Box
+from common.mapping.passages import any_near, count_wall, update_passages
+from common.mapping.sight import FREE, OCCUPIED, UNKNOWN, Box
 from common.mapping.squares import Layout, mark
 from common.system.jit import njit
 
@@ -25,6 +25,7 @@ def _find_changes(
     settled: NDArray[np.int8],
     mask: NDArray[np.bool_],
     passages: NDArray[np.bool_],
+    crowd: NDArray[np.int32],
     spans: NDArray[np.int16],
     row_low: int,
     row_high: int,
@@ -46,6 +47,7 @@ def _find_changes(
         settled: the padded grid at the last update, same shape; brought up to date.
         mask: cells that are frontiers, bool, shape (height, width); brought up to date.
         passages: see `update_passages`, same shape; brought up to date. Without cells for a robot without a radius.
+        crowd: see `count_wall`, likewise.
         spans: the robot's disc, see `near_spans`.
         row_low: first row of the box of changes in the padded grid.
         row_high: its last row.
@@ -69,6 +71,8 @@ def _find_changes(
             if settled[row, column] != cells[row, column]:
                 if settled[row, column] == FREE:
                     lost = (min(lost[0], row), row, min(lost[2], column), max(lost[3], column))
+                if len(crowd) and OCCUPIED in (settled[row, column], cells[row, column]):
+                    count_wall(crowd, row, column, spans, 1 if cells[row, column] == OCCUPIED else -1)
                 settled[row, column] = cells[row, column]
                 # The margins of two cells of a run hold those of all between.
                 if marked < 0 or layout.column_of[column] != layout.column_of[marked]:
@@ -81,8 +85,8 @@ def _find_changes(
     box = (row_low, row_high, column_low, column_high)
     margin = 1
     if len(passages):
-        box = update_passages(cells, passages, spans, box)
         margin = len(spans) // 2
+        box = update_passages(cells, passages, crowd, margin, box)
     first, last = max(box[2] - margin, 1), min(box[3] + margin, width - 2)
     new = 0
     gone = 0
@@ -139,7 +143,9 @@ class Frontiers:
             radius: of the robot, metres, 0 allowed.
         """
         padded = belief.padded
-        self._passages = np.zeros(padded.shape if radius > 0.0 else (0, 0), dtype=np.bool_)
+        looked_at = padded.shape if radius > 0.0 else (0, 0)
+        self._passages = np.zeros(looked_at, dtype=np.bool_)
+        self._crowd = np.zeros(looked_at, dtype=np.int32)
         self._spans = near_spans(radius / belief.resolution, 0.5)
         self._settled = np.full(padded.shape, UNKNOWN, dtype=np.int8)
         self._mask = np.zeros(padded.shape, dtype=np.bool_)
@@ -182,8 +188,8 @@ class Frontiers:
             beside: likewise those with such a cell in their margin.
         """
         added, removed, *lost = _find_changes(
-            padded, self._settled, self._mask, self._passages, self._spans, *changed, self._added, self._removed,
-            layout, dirty, beside,
+            padded, self._settled, self._mask, self._passages, self._crowd, self._spans, *changed,
+            self._added, self._removed, layout, dirty, beside,
         )  # fmt: skip
         if added or removed:
             self._flat = None

@@ -76,29 +76,30 @@ def label_square(cells: Cells, layout: Layout, j: int, i: int, stack: NDArray[np
             if labels[start] or not passable(clear[start]):
                 continue
             count += 1
-            labels[start] = count
             stack[0] = start
             size = 1
             while size:
                 size -= 1
                 cell = stack[size]
-                r, c = cell // width, cell % width
-                if c > column_low and not labels[cell - 1] and passable(clear[cell - 1]):
-                    labels[cell - 1] = count
-                    stack[size] = cell - 1
-                    size += 1
-                if c < column_high and not labels[cell + 1] and passable(clear[cell + 1]):
-                    labels[cell + 1] = count
-                    stack[size] = cell + 1
-                    size += 1
-                if r > row_low and not labels[cell - width] and passable(clear[cell - width]):
-                    labels[cell - width] = count
-                    stack[size] = cell - width
-                    size += 1
-                if r < row_high and not labels[cell + width] and passable(clear[cell + width]):
-                    labels[cell + width] = count
-                    stack[size] = cell + width
-                    size += 1
+                if labels[cell]:
+                    continue
+                # All of a run of cells in a row, then one cell of each run that touches it in the rows beside.
+                r = cell // width
+                left, right = cell, cell
+                while left > r * width + column_low and passable(clear[left - 1]):
+                    left -= 1
+                while right < r * width + column_high and passable(clear[right + 1]):
+                    right += 1
+                for there in range(left, right + 1):
+                    labels[there] = count
+                for beside in (-width if r > row_low else 0, width if r < row_high else 0):
+                    inside = False
+                    for there in range(left + beside, right + beside + 1):
+                        opens = labels[there] == 0 and passable(clear[there])
+                        if opens and not inside:
+                            stack[size] = there
+                            size += 1
+                        inside = opens
     return count
 
 
@@ -195,15 +196,22 @@ def survey(
     width, labels = cells.width, cells.labels
     # What lies outside the grid is unknown.
     wall, unknown = False, not (layout.row_whole[j] and layout.column_whole[i])
+    left, right = layout.column_begin[i], layout.column_begin[i + 1]
+    missing = len(first) - 1
     for row in range(layout.row_begin[j], layout.row_begin[j + 1]):
-        for cell in range(row * width + layout.column_begin[i], row * width + layout.column_begin[i + 1]):
-            value = cells.belief[cell]
-            wall |= value == OCCUPIED
-            unknown |= value < 0
+        begin, end = row * width + left, row * width + right
+        # Loops without branches, which take several cells at a time.
+        been = False
+        for cell in range(begin, end):
+            wall |= cells.belief[cell] == OCCUPIED
+            unknown |= cells.belief[cell] < 0
+            been |= cells.been[cell]
+        for cell in range(begin, end if missing or been else begin):
             label = labels[cell]
             if label:
                 if first[label] < 0:
                     first[label] = cell
+                    missing -= 1
                 visited[label] |= cells.been[cell]
     return wall or not unknown
 

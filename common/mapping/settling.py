@@ -101,7 +101,7 @@ def settle(
             if count:
                 first_cell[: count + 1] = -1
                 visited[: count + 1] = False
-                settled = survey(cells, layout, j, i, first_cell, visited)
+                settled = survey(cells, layout, j, i, first_cell[: count + 1], visited)
                 centre = centre_label(cells, layout, j, i)
                 last = NOWHERE
                 for label in range(1, count + 1):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from common.mapping.raycast import SUBCELL_BITS, cell_middle
 from common.mapping.sight import CLEAR, FREE, Box, blocker, may_touch
 from common.mapping.squares import Layout
-from common.mapping.thinning import LISTED, Blocks, block_at, list_block
+from common.mapping.thinning import Blocks, block_at, list_block
 from common.system.jit import njit
 
 IN_SIGHT: Final = CLEAR
@@ -59,37 +59,46 @@ def _regroup(
     mask: NDArray[np.bool_],
     width: int,
     blocks: Blocks,
-    cells: NDArray[np.int32],
+    removed: NDArray[np.int32],
+    added: NDArray[np.int32],
     counts: NDArray[np.int32],
     slots: NDArray[np.int32],
+    listed: NDArray[np.bool_],
     pairs: Pairs,
     used: int,
-    listed: NDArray[np.int32],
-    size: int,
-) -> tuple[int, int]:
+) -> tuple[int, NDArray[np.int32]]:
     """Bring the blocks of some cells up to date: give up slots whose cell stands for its block no more.
 
     Args:
         mask: frontier cells of the padded grid, flat, bool.
         width: its cells per row.
         blocks: of the grid.
-        cells: flat cells that became frontiers or ceased to be, int32.
+        removed: flat cells that are frontiers no more, int32.
+        added: flat cells that became frontiers, int32.
         counts: see `update_sight`.
         slots: likewise.
+        listed: likewise.
         pairs: likewise.
         used: slots in use.
-        listed: receives the blocks that need a slot, int32.
-        size: how many are listed already.
 
     Returns:
-        Slots in use now, and how many blocks are listed.
+        Slots in use now, and the blocks that need a slot, int32.
     """
+    found = np.empty(len(removed) + len(added), dtype=np.int32)
+    size = 0
+    for cells in (removed, added):
+        for cell in cells:
+            block = block_at(blocks, cell, width)
+            if not listed[block]:
+                listed[block] = True
+                found[size] = block
+                size += 1
     members = np.empty(blocks.side * blocks.side, dtype=np.int32)
-    for cell in cells:
-        block = block_at(blocks, cell, width)
+    kept = 0
+    for n in range(size):
+        block = found[n]
+        listed[block] = False
         slot = slots[block]
-        if slot == LISTED:
-            continue
         weight = list_block(mask, width, blocks, block, members)
         if slot >= 0:
             gained = weight - pairs.weight[slot]
@@ -114,10 +123,9 @@ def _regroup(
                 slots[block_at(blocks, pairs.cell[slot], width)] = slot
             slots[block] = -1
         if weight:
-            slots[block] = LISTED
-            listed[size] = block
-            size += 1
-    return used, size
+            found[kept] = block
+            kept += 1
+    return used, found[:kept]
 
 
 @njit(cache=True, nogil=True)
@@ -132,6 +140,7 @@ def update_sight(
     counts: NDArray[np.int32],
     reach: int,
     slots: NDArray[np.int32],
+    listed: NDArray[np.bool_],
     pairs: Pairs,
     used: int,
     added: NDArray[np.int32],
@@ -156,6 +165,7 @@ def update_sight(
         counts: frontiers in range and in sight of each piece's viewpoint, int32; brought up to date.
         reach: observable range, subcells.
         slots: slot of each block or -1, int32.
+        listed: room for a mark of each block, bool; all of them False before and after.
         pairs: of the slots.
         used: slots in use.
         added: flat cells of new frontiers, int32.
@@ -169,9 +179,7 @@ def update_sight(
         Slots in use now.
     """
     any_lost = lost[1] >= 0
-    listed = np.empty(len(added) + len(removed), dtype=np.int32)
-    used, size = _regroup(mask, width, blocks, removed, counts, slots, pairs, used, listed, 0)
-    used, size = _regroup(mask, width, blocks, added, counts, slots, pairs, used, listed, size)
+    used, without_slot = _regroup(mask, width, blocks, removed, added, counts, slots, listed, pairs, used)
 
     counts[fresh] = 0
     is_ended = np.zeros(len(pieces), dtype=np.bool_)
@@ -217,11 +225,11 @@ def update_sight(
 
     columns = len(layout.x)
     members = np.empty(blocks.side * blocks.side, dtype=np.int32)
-    for n in range(size):
+    for block in without_slot:
         slot = used
         used += 1
-        slots[listed[n]] = slot
-        weight = list_block(mask, width, blocks, listed[n], members)
+        slots[block] = slot
+        weight = list_block(mask, width, blocks, block, members)
         pairs.cell[slot], pairs.weight[slot] = members[0], weight
         x, y = cell_middle(members[0], width)
         count = 0

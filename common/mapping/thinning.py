@@ -17,8 +17,6 @@ from common.system.jit import njit
 
 # Cells of this side, metres, or more, are each looked at.
 COARSE_CELL: Final = 0.25
-# A block whose frontier cells are listed already.
-LISTED: Final = -2
 
 
 class Blocks(NamedTuple):

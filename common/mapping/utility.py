@@ -81,6 +81,22 @@ def _sightings(
 
 
 @njit(cache=True, nogil=True)
+def _stand_ins(
+    frontiers: NDArray[np.int64], width: int, blocks: Blocks, slots: NDArray[np.int32], pairs: Pairs, used: int
+) -> NDArray[np.int32]:
+    """Return which frontier stands for each one; see `FrontierUtility.stand_ins`."""
+    place = np.empty(used, dtype=np.int32)
+    found = np.empty(len(frontiers), dtype=np.int32)
+    for f in range(len(frontiers)):
+        slot = slots[block_at(blocks, frontiers[f], width)]
+        # The first of a block stands for all.
+        if pairs.cell[slot] == frontiers[f]:
+            place[slot] = f
+        found[f] = place[slot]
+    return found
+
+
+@njit(cache=True, nogil=True)
 def _overlooked(
     numbers: NDArray[np.int32], pieces: Any, pairs: Pairs, used: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -132,6 +148,7 @@ class FrontierUtility:
         self._squares = int(2 * config.observable_range / config.viewpoint_spacing) + 3
         self.counts = np.zeros(graph.used, dtype=np.int32)
         self._slots = np.full(self._blocks.rows * self._blocks.columns, -1, dtype=np.int32)
+        self._listed = np.zeros(len(self._slots), dtype=np.bool_)
         self._used = 0
         self._pairs = room_for(0, 64)
 
@@ -157,6 +174,7 @@ class FrontierUtility:
             self.counts,
             self._reach,
             self._slots,
+            self._listed,
             self._pairs,
             self._used,
             frontiers.added,
@@ -187,6 +205,17 @@ class FrontierUtility:
             frontiers, numbers, nodes, self.counts, self._width, self._blocks, self._slots, self._pairs
         )
         return pointer, seen
+
+    def stand_ins(self, frontiers: NDArray[np.int64]) -> NDArray[np.int32]:
+        """Return the place in a list of all frontiers of the one that stands for each, int32, shape (m,).
+
+        Args:
+            frontiers: flat cells of the padded grid, all frontiers, ascending, int64, shape (m,).
+        """
+        places: NDArray[np.int32] = _stand_ins(
+            frontiers, self._width, self._blocks, self._slots, self._pairs, self._used
+        )
+        return places
 
     def overlooked(self, numbers: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Return the frontiers that no node observes where the robot has not been, in no order.
