@@ -188,3 +188,7 @@ def main() -> None:
     if BEGIN in arguments:
         arguments = translate(arguments)
     app(arguments)
+
+
+if __name__ == "__main__":
+    main()

@@ -39,3 +39,7 @@ def parts() -> None:
                 # The others are worth listing all the same.
                 summary = f"unusable: {error}"
             sys.stdout.write(f"  {name:18} {summary}\n")
+
+
+if __name__ == "__main__":
+    app()

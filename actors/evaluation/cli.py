@@ -189,3 +189,6 @@ def public_maps(
 
 app.add_typer(results_app)
 app.add_typer(large_app)
+
+if __name__ == "__main__":
+    app()

@@ -7,6 +7,7 @@ texts need; what a command works with is imported by its body (``tests/common/sy
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Iterator
@@ -37,5 +38,6 @@ def _terminate(number: int, frame: FrameType | None) -> None:
     """Unwind, so that child processes and files are cleared away; a second SIGTERM ends the process at once."""
     del frame
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    sys.stderr.write("terminated\n")
+    # Not through sys.stderr, which the signal may have found in the midst of a line.
+    os.write(2, b"terminated\n")
     raise SystemExit(128 + number)
