@@ -1,7 +1,7 @@
 """The directions of imports (docs/architecture.md): common knows nobody, the others know common alone."""
 
 import ast
-from collections.abc import Iterator
+import functools
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -21,10 +21,10 @@ ONLY_IN = {"pybullet": "actors", "trustme": "learner", "tensorboard": "learner",
 MODULES = sorted(path for name in PACKAGES for path in (ROOT / name).rglob("*.py"))
 
 
-def trees() -> Iterator[tuple[Path, list[ast.AST]]]:
-    """Yield each module, by its path from the root, with all nodes of its syntax."""
-    for path in MODULES:
-        yield path.relative_to(ROOT), list(ast.walk(ast.parse(path.read_text("utf-8"))))
+@functools.cache
+def trees() -> list[tuple[Path, list[ast.AST]]]:
+    """Return each module, by its path from the root, with all nodes of its syntax."""
+    return [(path.relative_to(ROOT), list(ast.walk(ast.parse(path.read_text("utf-8"))))) for path in MODULES]
 
 
 def imported(nodes: list[ast.AST]) -> set[str]:
