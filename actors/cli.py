@@ -6,26 +6,23 @@ import logging
 import os
 import subprocess
 from enum import StrEnum
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from pydantic import ValidationError
 
-from actors.options import DEFAULT_ENDPOINT, ActorOptions, Fidelity, host_name
-from actors.supervisor import Supervisor
-from common.bus.liveness import present
-from common.bus.session import open_client_session
-from common.bus.spec import list_runs
+from actors.cli_options import DEFAULT_ENDPOINT, Fidelity
 from common.cli import CommandApp, Version, command_errors, completing
-from common.config import BusConfig
 from common.errors import ConfigError
 from common.extensions import SIMULATORS
 from common.ids import check_id
-from common.messages.replies import Spec
 from common.system.addresses import listening_address
 from common.system.logs import setup_logging
 from common.system.reaper import Reaper
 from common.system.runtime import process_environment, python_module
+
+if TYPE_CHECKING:
+    from common.config import BusConfig
+    from common.messages.replies import Spec
 
 log = logging.getLogger(__name__)
 
@@ -118,6 +115,9 @@ def main(
     three seconds.
     """
     del version
+    from actors.options import ActorOptions, host_name
+    from actors.supervisor import Supervisor
+
     setup_logging(None if log_level is None else log_level.value)
     if sim is not None:
         SIMULATORS.check(sim)
@@ -178,6 +178,10 @@ def free_names(prefix: str, count: int, taken: frozenset[str]) -> list[str]:
 def _bus(
     connect: list[str] | None, tls_ca: str | None, tls_certificate: str | None, tls_key: str | None, compress: bool
 ) -> BusConfig:
+    from pydantic import ValidationError
+
+    from common.config import BusConfig
+
     try:
         return BusConfig(
             connect=tuple(connect or [DEFAULT_ENDPOINT]),
@@ -195,6 +199,10 @@ def _find_run(bus: BusConfig, run: str | None) -> tuple[str, frozenset[str], Spe
 
     A run that was named need not be there yet; then there is no specification.
     """
+    from common.bus.liveness import present
+    from common.bus.session import open_client_session
+    from common.bus.spec import list_runs
+
     with open_client_session(bus, bus.connect) as session:
         runs = {spec.run: spec for spec in list_runs(session)}
         if run is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 import re
-from enum import StrEnum
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
@@ -12,15 +11,6 @@ from pydantic import BaseModel, ConfigDict
 from common.config import BusConfig, RunConfig
 from common.config.names import config_from_message
 from common.extensions import generator_name
-
-DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-
-
-class Fidelity(StrEnum):
-    """Fidelities of PyBullet to choose from."""
-
-    KINEMATIC = "kinematic"
-    DYNAMIC = "dynamic"
 
 
 class ActorOptions(BaseModel):

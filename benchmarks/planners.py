@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from actors.evaluation import plots
-from actors.evaluation.options import settings_of
+from actors.evaluation.resolving import settings_of
 from actors.evaluation.results import Results, collect_results
 from actors.evaluation.table import make_rows, notes, render
 from benchmarks.blocks import with_block

@@ -78,7 +78,7 @@ def main() -> None:
     endpoint = free_endpoint()
     settings = [f"ros.domain={DOMAIN}", "topics.points=/cloud", "sensing.source=points"]
     options = [part for each in settings for part in ("--set", each)]
-    relay = subprocess.Popen([sys.executable, "-m", "deploy.cli", "relay", *options, "--listen", endpoint])
+    relay = subprocess.Popen([sys.executable, "-m", "deploy", "relay", *options, "--listen", endpoint])
     context = multiprocessing.get_context("spawn")
     begin, results = context.Event(), context.Queue()
     process = context.Process(target=robot, args=(begin, results))

@@ -9,15 +9,12 @@ from typing import Annotated
 
 import typer
 
-from common.bus.control import request
 from common.cli import CommandApp, add_version, command_errors
-from common.config.describe import to_markdown, to_toml
 from common.errors import ConfigError
 from common.page.options import PageOption, TokenOption, page_settings
 from common.system.logs import setup_logging
 from common.tasks import NAVIGATION, find_task
 from deploy.cli_options import ConfigFile, Connect, LogLevel, Overrides, Profile, RobotName, load_options
-from deploy.config import DeployConfig
 from deploy.network_cli import add_network_commands
 from deploy.page.cli import announce, page
 from deploy.recording.cli import app as recording_app
@@ -146,6 +143,7 @@ def relay(
         raise ConfigError("--listen and --connect are two ways to be on the Zenoh network: give one")
     extra = [f"ros.listen={','.join(listen)}", "ros.connect="] if listen else []
     resolved = load_options(profile, config, overrides, connect, name, extra)
+    from common.bus.control import request
     from deploy.relay.process import as_router, run_relay
     from deploy.relay.relay import relay_name
     from deploy.ros2.session import guest_of, open_session
@@ -174,6 +172,9 @@ def config(
 
     - `hd-deploy config --describe | less`
     """
+    from common.config.describe import to_markdown, to_toml
+    from deploy.config import DeployConfig
+
     if describe:
         typer.echo(to_markdown(DeployConfig))
     else:

@@ -5,18 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deploy.config import DeployConfig
-from deploy.profiles import DEPLOY, load_deploy_config
+from common.presets import names_in
+
+if TYPE_CHECKING:
+    from deploy.config import DeployConfig
+
+_PROFILES = names_in(Path(__file__).parent / "profiles")
 
 Profile = Annotated[
     str | None,
-    typer.Option(
-        "--profile", help=f"Shipped parameters to build upon: {', '.join(DEPLOY.preset_names())}. [default: bare]"
-    ),
+    typer.Option("--profile", help=f"Shipped parameters to build upon: {', '.join(_PROFILES)}. [default: bare]"),
 ]
 ConfigFile = Annotated[Path | None, typer.Option("--config", help="TOML or JSON file with parameters.", metavar="FILE")]
 Overrides = Annotated[
@@ -40,6 +42,8 @@ def load_options(
     extra: Sequence[str] = (),
 ) -> DeployConfig:
     """Resolve the parameters; dedicated options override --set."""
+    from deploy.profiles import load_deploy_config
+
     every = [*(overrides or ()), *extra]
     if connect:
         every.append(f"ros.connect={','.join(connect)}")

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 import time
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-import zenoh
 
-from common.bus.control import request
-from common.bus.fleet import Answers, bridges_at, command_all
 from common.cli import command_errors, output_console, whole_table
 from common.errors import BusError
-from deploy.bridge.command_text import CommandError, parse, release_of
 from deploy.cli_options import ConfigFile, Connect, Overrides, Profile, RobotName, load_options
-from deploy.config import DeployConfig
+
+if TYPE_CHECKING:
+    import zenoh
+
+    from common.bus.fleet import Answers
+    from deploy.config import DeployConfig
 
 # Seconds in which a bridge shows up that is there.
 _LOOK = 2.0
@@ -60,12 +61,16 @@ def command(
 
     - `hd-deploy command status --json | jq .explored_area`
     """
+    from deploy.bridge.command_text import CommandError, parse, release_of
+
     verb, arguments = parse(" ".join(words))
     if verb == "release":
         arguments = {"who": who or "", "why": why or ""}
         release_of(arguments)
     elif who or why:
         raise CommandError(f"--who and --why are for `release`, not for {verb!r}")
+    from common.bus.control import request
+    from common.bus.fleet import Answers, command_all
     from deploy.ros2.session import guest_of, open_session
 
     resolved = load_options(profile, config, overrides, connect, name)
@@ -134,6 +139,8 @@ def topics(
 
 def _check_unique(session: zenoh.Session, name: str, patience: float) -> None:
     """Refuse to command one of several bridges with the same name: it would be ambiguous."""
+    from common.bus.fleet import bridges_at
+
     until = time.monotonic() + patience
     while not bridges_at(session, name) and time.monotonic() < until:
         time.sleep(0.05)

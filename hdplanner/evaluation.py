@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from actors.evaluation.episode import tell_nobody
-from actors.evaluation.options import resolve
+from actors.evaluation.resolving import resolve
 from actors.evaluation.results import EpisodeResult
 from actors.evaluation.worker import Worker
 from common.config import MappingConfig

@@ -1,5 +1,15 @@
 """`python -m learner` is `hd-learner`."""
 
-from learner.cli import app
+from common.system.entry import ended_by_signals
 
-app()
+
+def main() -> None:
+    """Run the command; the entry point `hd-learner`."""
+    with ended_by_signals():
+        from learner.cli import app
+
+        app(prog_name="hd-learner")
+
+
+if __name__ == "__main__":
+    main()

@@ -8,25 +8,25 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from common.cli import CommandApp, add_version, command_errors, completing, message_console
-from common.config import RunConfig
-from common.config.describe import to_markdown, to_toml
-from common.config.load import load_config, preset_names
 from common.errors import ConfigError, StorageError
 from common.extensions import SIMULATORS
 from common.page.options import PageOption, PageSettings, TokenOption, page_settings, require_packages
+from common.presets import RUN_PRESETS, names_in
 from common.system.addresses import listening_address
 from common.system.logs import log_file, setup_logging
 from common.system.runtime import restart_prepared
 from learner.files_cli import RUNS, RunName, RunsFolder, add_file_commands
-from learner.map_check import check_maps
 from learner.page.cli import page as page_command
 from learner.remote_cli import add_remote_commands
 from learner.router_cli import router
+
+if TYPE_CHECKING:
+    from common.config import RunConfig
 
 app = CommandApp(
     name="hd-learner",
@@ -40,7 +40,9 @@ app = CommandApp(
 ConfigFile = Annotated[Path | None, typer.Option("--config", help="TOML or JSON file with settings.", metavar="FILE")]
 Preset = Annotated[
     str | None,
-    typer.Option("--preset", help=f"Shipped settings to build upon: {', '.join(preset_names())}.", metavar="NAME"),
+    typer.Option(
+        "--preset", help=f"Shipped settings to build upon: {', '.join(names_in(RUN_PRESETS))}.", metavar="NAME"
+    ),
 ]
 Overrides = Annotated[
     list[str] | None,
@@ -116,6 +118,8 @@ def start(
     - `hd-learner start --listen tcp/0.0.0.0:7447` waits for `hd-actor --connect tcp/HOST:7447` on other machines.
     """
     restart_prepared()
+    from common.config import load_config
+
     resolved = load_config(config, _all_overrides(overrides, run, listen, sim), os.environ, preset)
     options = RunOptions(
         actors, evaluators, learners, metrics, serial, maps_elsewhere, log_level, _page(page, page_token)
@@ -156,9 +160,10 @@ def resume(
 
     - `hd-learner resume --run office --from s3://bucket/runs` continues here with what another machine left there.
     """
+    restart_prepared()
+    from common.config import RunConfig, load_config
     from learner.run.folder import check_run
 
-    restart_prepared()
     name = run or RunConfig().name
     if source is not None:
         from learner.run.mirror import fetch_run
@@ -190,6 +195,9 @@ def config(
 
     - `hd-learner config --describe | less`
     """
+    from common.config import load_config
+    from common.config.describe import to_markdown, to_toml
+
     if describe:
         typer.echo(to_markdown())
     else:
@@ -228,9 +236,11 @@ def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, ov
         raise ConfigError("--serial has no network, which the page reads: leave --page out")
     console = message_console()
     setup_logging(options.log_level, console=console if console.is_terminal else None)
+    from learner.map_check import check_maps
+
     check_maps(config, elsewhere=options.maps_elsewhere)
-    # Imported here, so that help and errors of the configuration come at once: torch takes seconds. Imported before the
-    # run's folder is made, so that a missing package leaves none behind.
+    # Torch takes seconds, which errors of the configuration need not wait for. Imported before the run's folder is
+    # made, so that a missing package leaves none behind.
     from learner.run.folder import RunFolder
     from learner.watch.writers import check_writers
 
@@ -282,12 +292,3 @@ add_file_commands(app)
 add_remote_commands(app)
 app.command()(router)
 app.command("page")(page_command)
-
-
-def main() -> None:
-    """Run the command; the entry point `hd-learner`."""
-    app()
-
-
-if __name__ == "__main__":
-    main()

@@ -9,7 +9,6 @@ from typing import Annotated, Literal
 import typer
 
 from common.cli import command_errors
-from common.config import RunConfig
 from common.errors import CheckpointError, ConfigError
 
 RUNS = Path("runs")
@@ -57,6 +56,7 @@ def export(
 
     - `hd-learner export --run office --format onnx` writes office.onnx for ONNX Runtime.
     """
+    from common.config import RunConfig
     from learner.run.export import export_policy
 
     name = run or RunConfig().name
@@ -89,6 +89,7 @@ def plot(
 
     - `hd-learner plot --run office --over updates --window 200`
     """
+    from common.config import RunConfig
     from learner.watch.plot import plot_run
 
     if over not in ("minutes", "updates"):
@@ -165,6 +166,7 @@ def doctor(
 
     - `hd-learner doctor --run office --repair`
     """
+    from common.config import RunConfig
     from learner.run.doctor import examine
 
     name = run or RunConfig().name

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import time
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import zenoh
@@ -12,7 +13,7 @@ from rich.console import Console
 
 from common.bus.control import ControlServer
 from common.bus.experience import ExperienceServer
-from common.bus.liveness import PresenceWatcher, declare_presence
+from common.bus.liveness import PresenceWatcher, Process, declare_presence
 from common.bus.session import new_incarnation, open_learner_session, wait_for_routers
 from common.bus.spec import SpecServer, specs_of
 from common.bus.stats import StatsTable, publish_stats
@@ -47,6 +48,8 @@ from learner.watch.view import View
 logger = logging.getLogger(__name__)
 
 LEARNER = "learner"
+RECEIVERS = frozenset({"actor", "evaluator", "robot"})
+"""Roles that fetch each version of the weights."""
 STATS_SECONDS = 1.0
 ROUTER_SECONDS = 3.0
 SECOND_SECONDS = 1.0
@@ -100,7 +103,7 @@ class Link(Closing):
         enter(ControlServer(session, run, Control(trainer, self.status)))
         enter(SpecServer(session, Spec(run, learner, config.model_dump_json())))
         enter(declare_presence(session, run, "learner", LEARNER))
-        enter(Ticker("looking for other learners", STATS_SECONDS, self._give_way))
+        enter(Ticker("looking who is on the bus", STATS_SECONDS, self._look_around))
         enter(Ticker("statistics of the learner", STATS_SECONDS, self._tell))
 
     def status(self) -> LearnerStatus:
@@ -126,9 +129,15 @@ class Link(Closing):
     def _close_server(self) -> None:
         self._server.close()
 
-    def _give_way(self) -> None:
+    def _look_around(self) -> None:
+        """See who is on the bus: who fetches weights, and whether another learner does."""
+        present = self._presence.present()
+        self._trainer.receivers = sum(role in RECEIVERS for role, _ in present)
+        self._give_way(present)
+
+    def _give_way(self, present: Collection[Process]) -> None:
         """Hold while an earlier learner of the run is in sight, and continue once it is gone."""
-        holds = self._rivals.earlier(self._presence.present())
+        holds = self._rivals.earlier(present)
         if holds == self._trainer.held:
             return
         self._trainer.held = holds

@@ -24,7 +24,8 @@ class Publisher:
         averaged: evaluation uses the moving average of the weights.
 
     Attributes:
-        overdue: the disk refused to note the last version, so it was not sent.
+        due: a version ought to go out. It waits while the last one has not been out for long enough, and when the disk
+            refused to note it.
     """
 
     def __init__(
@@ -35,7 +36,8 @@ class Publisher:
         self._send = send
         self._averaged = averaged
         self._published_at: OrderedDict[int, float] = OrderedDict()
-        self.overdue = False
+        self._sent_at = float("-inf")
+        self.due = False
 
     def publish(self, ingest: Ingest, updates: int) -> None:
         """Send the newest policy under a new version number; not at all when the disk refuses to note that.
@@ -48,17 +50,22 @@ class Publisher:
         try:
             ingest.note_version(version)
         except StorageError:
-            self.overdue = True
+            self.due = True
             return
-        self.overdue = False
+        self.due = False
+        self._sent_at = time.monotonic()
         averaged = self._algorithm.policy_weights(averaged=True) if self._averaged else None
         published = PublishedVersion(version, updates, self._algorithm.policy_weights(averaged=False), averaged)
         acting = published.weights if averaged is None else averaged
         self._best.remember(version, updates, acting, ingest.versions_under_evaluation)
-        self._published_at[version] = time.monotonic()
+        self._published_at[version] = self._sent_at
         while len(self._published_at) > _REMEMBERED_VERSIONS:
             self._published_at.popitem(last=False)
         self._send(published)
+
+    def last_has_been_out(self, seconds: float) -> bool:
+        """Whether no version was sent within so many seconds."""
+        return time.monotonic() - self._sent_at >= seconds
 
     def superseded_for(self, version: int) -> float:
         """Seconds for which a policy version has not been the newest; 0 for the newest and for unknown ones."""

@@ -6,17 +6,16 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-import zenoh
 
-from common.bus.session import open_client_session
 from common.cli import command_errors, output_console
-from common.config.load import load_config
-from learner.watch.asking import ask_learner, only_run
-from learner.watch.status import LearnerStatus
-from learner.watch.view import render
+
+if TYPE_CHECKING:
+    import zenoh
+
+    from learner.watch.status import LearnerStatus
 
 RunName = Annotated[
     str | None, typer.Option("--run", help="Name of the run; may be left out when only one is live.", metavar="NAME")
@@ -55,6 +54,8 @@ def status(
 
     - `hd-learner status --run office --connect tcp/192.168.1.5:7447 --json | jq .steps_per_second`
     """
+    from learner.watch.view import render
+
     found = _ask("status", run, connect, overrides, timeout)
     if as_json:
         typer.echo(json.dumps(found.to_json(), indent=2))
@@ -111,12 +112,17 @@ def unpause(run: RunName = None, connect: Connect = None, overrides: Overrides =
 
 def _ask(verb: str, run: str | None, connect: str | None, overrides: list[str] | None, timeout: float) -> LearnerStatus:
     """Send one command and return the learner's status after it."""
+    from learner.watch.asking import ask_learner, only_run
+
     with _session(connect, overrides) as session:
         return ask_learner(session, run or only_run(session, timeout), verb, timeout)
 
 
 @contextmanager
 def _session(connect: str | None, overrides: list[str] | None) -> Iterator[zenoh.Session]:
+    from common.bus.session import open_client_session
+    from common.config import load_config
+
     bus = load_config(None, overrides or (), os.environ).bus
     with open_client_session(bus, [connect] if connect else None) as session:
         yield session

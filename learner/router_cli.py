@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from common.cli import command_errors
-from common.config.load import load_config
 from common.system.logs import setup_logging
 from common.system.runtime import restart_prepared
 
@@ -40,9 +39,10 @@ def router(
     - `hd-learner router --listen tls/0.0.0.0:7447 --connect tls/learner.example:7447 --set bus.tls_ca=pki/ca.pem
       --set bus.tls_certificate=pki/learner.pem --set bus.tls_key=pki/learner.key --set bus.tls_access=pki/access.json`
     """
+    restart_prepared()
+    from common.config import load_config
     from learner.router import run_router
 
-    restart_prepared()
     changes = [*(overrides or []), f"bus.listen={listen}", f"bus.connect={','.join(connect)}"]
     bus = load_config(None, changes, os.environ).bus
     setup_logging(log_level)

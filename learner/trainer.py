@@ -89,6 +89,8 @@ class Trainer:
         self.waiting = False
         self.held = False
         """Another learner of the run, which began earlier, is on the network: no update is made."""
+        self.receivers = 0
+        """Processes on the network that fetch each version."""
         self.ingest: Ingest
         self.recorder: CurveRecorder
 
@@ -213,8 +215,17 @@ class Trainer:
         self._publisher.publish(self.ingest, self.limiter.updates)
 
     def publish_if_due(self) -> None:
-        """Publish every `learner.publish_every` updates, and the last."""
-        if self.limiter.updates % self.config.learner.publish_every == 0 or self.complete:
+        """Publish every `learner.publish_every` updates, once the actors had time for the last version, and the end."""
+        if self.limiter.updates % self.config.learner.publish_every == 0:
+            self._publisher.due = True
+        if self.complete:
+            self.publish()
+        else:
+            self._publish_due()
+
+    def _publish_due(self) -> None:
+        seconds = self.config.learner.publish_seconds_per_actor * self.receivers
+        if self._publisher.due and self._publisher.last_has_been_out(seconds):
             self.publish()
 
     def record_if_due(self) -> None:
@@ -236,8 +247,7 @@ class Trainer:
                 finished = self._rounds.pop(0)
                 self._evaluated = max(self._evaluated, finished.version)
                 self.recorder.write_evaluation(finished)
-            if self._publisher.overdue:
-                self.publish()
+            self._publish_due()
             if self._checkpointer.schedule.is_due(self.limiter.updates, self.limiter.steps):
                 self.checkpoint()
         except StorageError as error:

@@ -22,7 +22,7 @@ limit=${LIMIT:-100}
 cd "$(dirname "$0")/.."
 python=${PYTHON:-$([ -x .venv/bin/python ] && echo .venv/bin/python || echo python3)}
 learner() { "$python" -m learner "$@"; }
-evaluate() { "$python" -m actors.evaluation.cli run --maps "$validation" --limit "$limit" --jobs 1 "$@"; }
+evaluate() { "$python" -m actors.evaluation run --maps "$validation" --limit "$limit" --jobs 1 "$@"; }
 
 for seed in $seeds; do
     for variant in vanilla hierarchical hdplanner; do

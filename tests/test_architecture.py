@@ -1,9 +1,8 @@
 """The directions of imports (docs/architecture.md): common knows nobody, the others know common alone."""
 
 import ast
+import functools
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("common", "actors", "learner", "deploy", "hdplanner")
@@ -22,9 +21,15 @@ ONLY_IN = {"pybullet": "actors", "trustme": "learner", "tensorboard": "learner",
 MODULES = sorted(path for name in PACKAGES for path in (ROOT / name).rglob("*.py"))
 
 
-def imported(path: Path) -> set[str]:
+@functools.cache
+def trees() -> list[tuple[Path, list[ast.AST]]]:
+    """Return each module, by its path from the root, with all nodes of its syntax."""
+    return [(path.relative_to(ROOT), list(ast.walk(ast.parse(path.read_text("utf-8"))))) for path in MODULES]
+
+
+def imported(nodes: list[ast.AST]) -> set[str]:
     names = set()
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    for node in nodes:
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -32,26 +37,25 @@ def imported(path: Path) -> set[str]:
     return names
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_imports_run_one_way(path):
-    module = path.relative_to(ROOT)
-    package = module.parts[0]
-    meeting = {name for place, names in MEETING_PLACES.items() if module.is_relative_to(place) for name in names}
-    allowed = {package, *ALLOWED[package], *meeting}
-    for name in imported(path):
-        top = name.split(".")[0]
-        assert top not in PACKAGES or top in allowed, f"{module} imports {name}"
-        assert ONLY_IN.get(top, package) == package, f"{module} imports {name}"
-        assert top != "pickle", f"{module} imports pickle"
-        assert package != "common" or name != "torch.optim", f"{module} imports an optimiser"
+def test_imports_run_one_way():
+    for module, nodes in trees():
+        package = module.parts[0]
+        meeting = {name for place, names in MEETING_PLACES.items() if module.is_relative_to(place) for name in names}
+        allowed = {package, *ALLOWED[package], *meeting}
+        for name in imported(nodes):
+            top = name.split(".")[0]
+            assert top not in PACKAGES or top in allowed, f"{module} imports {name}"
+            assert ONLY_IN.get(top, package) == package, f"{module} imports {name}"
+            assert top != "pickle", f"{module} imports pickle"
+            assert package != "common" or name != "torch.optim", f"{module} imports an optimiser"
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_nothing_compares_the_names_of_tasks(path):
+def test_nothing_compares_the_names_of_tasks():
     """What differs between tasks is said by `common.tasks.Task`, so that a new one is one object and no search."""
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-        if isinstance(node, ast.Compare):
-            constants = {each.value for each in ast.walk(node) if isinstance(each, ast.Constant)}
-            # The generator `rooms` has two styles of that name.
-            if constants & {"exploration", "navigation"}:
-                assert path.relative_to(ROOT).as_posix() == "actors/maps/generators/rooms.py", ast.unparse(node)
+    for module, nodes in trees():
+        for node in nodes:
+            if isinstance(node, ast.Compare):
+                constants = {each.value for each in ast.walk(node) if isinstance(each, ast.Constant)}
+                # The generator `rooms` has two styles of that name.
+                if constants & {"exploration", "navigation"}:
+                    assert module.as_posix() == "actors/maps/generators/rooms.py", f"{module}: {ast.unparse(node)}"

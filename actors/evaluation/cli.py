@@ -9,11 +9,11 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from actors.cli_options import Fidelity
 from actors.evaluation.large.cli import app as large_app
-from actors.evaluation.options import ConfigFile, Label, Limit, Maps, Overrides, Start, Target, TaskName, resolve
+from actors.evaluation.options import ConfigFile, Label, Limit, Maps, Overrides, Start, Target, TaskName
 from actors.evaluation.progress import planner_list, run_and_show
 from actors.evaluation.results_cli import app as results_app
-from actors.options import Fidelity
 from common.cli import (
     EXIT_ERROR,
     CommandApp,
@@ -98,6 +98,7 @@ def run(
 
     - `hd-eval run --planner dstar_lite,far --task navigation --maps bench/ --sim pybullet --jobs 4 --out results/`
     """
+    from actors.evaluation.resolving import resolve
     from actors.evaluation.runner import Evaluation
 
     console = message_console()

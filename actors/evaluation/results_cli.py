@@ -19,10 +19,8 @@ from actors.evaluation.options import (
     Start,
     TableFormat,
     Target,
-    settings_of,
     write_text,
 )
-from actors.evaluation.results import ResultsError, collect_results, read_results
 from common.cli import EXIT_ERROR, command_errors, message_console
 from common.errors import ConfigError
 from common.system.progress import Steps, tell_of_kernels
@@ -66,6 +64,7 @@ def table(
 
     - `hd-eval table results/greedy.json results/tare.json --format latex --out table.tex`
     """
+    from actors.evaluation.results import collect_results
     from actors.evaluation.table import make_rows, notes, render
 
     found = collect_results(results)
@@ -108,6 +107,8 @@ def plot(
     - `hd-eval plot results/ --kind scatter --baseline tare --out pictures/`
     """
     from actors.evaluation import plots
+    from actors.evaluation.resolving import settings_of
+    from actors.evaluation.results import ResultsError, collect_results
 
     found = collect_results(results)
     wanted = [kind] if kind is not PlotKind.ALL else [each for each in PlotKind if each is not PlotKind.ALL]
@@ -167,6 +168,8 @@ def video(
 
     - `hd-eval video results/greedy.json --maps bench/ --out episode.mp4 --fps 20`
     """
+    from actors.evaluation.resolving import settings_of
+    from actors.evaluation.results import ResultsError, read_results
     from actors.evaluation.video import write_video
 
     found = read_results(results)
@@ -192,6 +195,7 @@ def card(
     - `hd-eval card exploration.safetensors results/exploration/`
     """
     from actors.evaluation.card import note_bench
+    from actors.evaluation.results import collect_results
 
     bench = note_bench(policy, collect_results(results), planner).bench or {}
     sys.stdout.write(f"{policy}: figures of {', '.join(bench)} noted in its card\n")
@@ -219,6 +223,8 @@ def replay(
     - `hd-eval replay results/greedy.json --maps generator:rooms --limit 20`
     """
     from actors.evaluation.recount import recount
+    from actors.evaluation.resolving import settings_of
+    from actors.evaluation.results import collect_results
 
     found = collect_results(results)
     settings, worlds = settings_of(found[0], maps, limit, config, overrides, start, target)

@@ -159,7 +159,7 @@ class Steps:
         own = [] if row.label == row.planner else ["--label", row.label]
         if row.training is not None:
             own += ["--policy", str(folders.policy(row.training, row.seed))]
-        command = ["actors.evaluation.cli", table.kind, "--planner", row.planner, *own, "--jobs", "1"]
+        command = ["actors.evaluation", table.kind, "--planner", row.planner, *own, "--jobs", "1"]
         self._carry_out([*command, "--out", str(out), *options], name)
         write_packed(out / f"{row.label}.json", packed)
 

@@ -157,7 +157,11 @@ class LearnerConfig(Section):
     """Augment each sampled observation pair with the eight symmetries of the square; `ppo` augments only those used for
     imitation."""
     publish_every: Annotated[int, Field(ge=1)] = 10
-    """Updates between published policy versions."""
+    """Updates between published policy versions, at least."""
+    publish_seconds_per_actor: Annotated[float, Field(ge=0.0, le=1.0)] = 0.01
+    """Seconds between them, at least, for each actor and evaluator that fetches them. Handing a version to one of them
+    takes the learner about a millisecond: 0.01 keeps that below about a tenth of a core for any number of them (10 s
+    for 1,000); 0 publishes by the number of updates alone."""
     average_decay: Fraction = 0.99
     """Decay of the moving average of the policy's weights used for evaluation and export; 0 disables averaging."""
     evaluators: tuple[str, ...] = ()

@@ -11,12 +11,12 @@ from pydantic.fields import FieldInfo
 from common.config.names import named_parts
 from common.config.run import RunConfig
 from common.config.tree import ConfigTree
+from common.presets import RUN_PRESETS
 
 RUN = ConfigTree(
     RunConfig,
     subject="run",
-    preset_package="common.config",
-    preset_folder="presets",
+    presets=RUN_PRESETS,
     preset_word="preset",
     prefix="HD_",
     example="learner.batch_size=32",

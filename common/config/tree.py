@@ -10,7 +10,6 @@ import difflib
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any, Generic, TypeVar, get_args, get_origin
 
@@ -18,6 +17,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from common.errors import ConfigError, HDError
+from common.presets import names_in
 from common.registry import NamedPart
 from common.system.documents import DocumentError, parse_json, parse_toml, read_text
 
@@ -34,8 +34,7 @@ class ConfigTree(Generic[M]):
     Attributes:
         model: root of the tree.
         subject: whose configuration it is, for messages: ``run``.
-        preset_package: package of the shipped presets.
-        preset_folder: folder of them in that package.
+        presets: folder of the shipped presets.
         preset_word: what a preset is called: ``preset``.
         prefix: of its environment variables.
         example: an override, for messages.
@@ -45,8 +44,7 @@ class ConfigTree(Generic[M]):
 
     model: type[M]
     subject: str
-    preset_package: str
-    preset_folder: str
+    presets: Path
     preset_word: str
     prefix: str
     example: str
@@ -55,8 +53,7 @@ class ConfigTree(Generic[M]):
 
     def preset_names(self) -> list[str]:
         """Names of the presets that ship with the package."""
-        folder = resources.files(self.preset_package) / self.preset_folder
-        return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
+        return names_in(self.presets)
 
     def load(
         self,
@@ -123,8 +120,7 @@ class ConfigTree(Generic[M]):
         known = self.preset_names()
         if name not in known:
             raise ConfigError(f"unknown {self.preset_word} {name!r}: choose one of {', '.join(known)}")
-        folder = resources.files(self.preset_package) / self.preset_folder
-        return tomllib.loads((folder / f"{name}.toml").read_text("utf-8"))
+        return tomllib.loads((self.presets / f"{name}.toml").read_text("utf-8"))
 
     def _merge(
         self, tree: dict[str, Any], other: Mapping[str, Any], origin: dict[str, str], source: str, path: str = ""

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.messages.experience import MIN_PROBABILITY, Chunk, Delivery, End, EpisodeReport, ExpertLabels
-from common.messages.fields import MAX_SAFE_INTEGER, Fields
+from common.messages.fields import MAX_INCARNATION, MAX_SAFE_INTEGER, Fields
 from common.messages.validation import check_choices, check_observations
 from common.observations.observation import IMAGE_SIDE, IMAGES, ObservationBatch
 
-MAX_INCARNATION = 2**63 - 1
 MAX_STEPS = 256
 MAX_EPISODE_STEPS = 1_000_000
 MAX_FAMILY = 255

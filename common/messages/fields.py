@@ -16,6 +16,8 @@ from common.system.printable import is_printable, printable
 
 MAX_SAFE_INTEGER = 2**53 - 1
 """Largest counter on the wire: every language's floating numbers hold it exactly."""
+MAX_INCARNATION = 2**63 - 1
+"""Largest number that a process draws for itself."""
 
 
 class Fields:

@@ -11,8 +11,7 @@ from typing import Any, Generic, TypeVar, overload
 from common.errors import MessageError
 from common.messages.codec import pack, unpack
 from common.messages.experience import Delivery
-from common.messages.experience_codec import MAX_INCARNATION, delivery_fields, read_delivery
-from common.messages.fields import Fields
+from common.messages.fields import MAX_INCARNATION, Fields
 from common.messages.replies import ALL_VERBS, PROTOCOL_VERSION, Ack, ControlReply, ControlRequest, Spec
 from common.messages.stats import ActorStats, LearnerStats
 from common.messages.view import EpisodeView, read_view, view_fields
@@ -110,6 +109,22 @@ def describe_delivery(data: bytes) -> str:
 
 def _plain(message: Any) -> dict[str, Any]:
     return {field.name: getattr(message, field.name) for field in dataclasses.fields(message)}
+
+
+# Deliveries are checked by compiled kernels. Importing those takes half a second, which whoever sends and reads other
+# messages, such as a command or a page, need not wait for.
+
+
+def _delivery_fields(delivery: Delivery) -> dict[str, Any]:
+    from common.messages.experience_codec import delivery_fields
+
+    return delivery_fields(delivery)
+
+
+def _read_delivery(fields: Fields) -> Delivery:
+    from common.messages.experience_codec import read_delivery
+
+    return read_delivery(fields)
 
 
 def _read_ack(fields: Fields) -> Ack:
@@ -220,7 +235,7 @@ def _json(value: Mapping[str, Any]) -> str:
 
 
 _KINDS: dict[type[Any], _Kind[Any]] = {
-    Delivery: _Kind("delivery", delivery_fields, read_delivery, MAX_DELIVERY),
+    Delivery: _Kind("delivery", _delivery_fields, _read_delivery, MAX_DELIVERY),
     Ack: _Kind("ack", _plain, _read_ack),
     Spec: _Kind("spec", _plain, _read_spec),
     WeightsNotice: _Kind("weights_notice", _plain, _read_notice),

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import inspect
 from dataclasses import dataclass
-from typing import Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final, cast
 
-from common.config import MappingConfig
 from common.errors import ConfigError, HDError
-from common.planners.base import Planner
 from common.registry import Entry, Registry, did_you_mean
+
+if TYPE_CHECKING:
+    from common.config import MappingConfig
+    from common.planners.base import Planner
 
 _MEMBERS: Final = ("name", "tasks", "reset", "plan")
 
@@ -83,7 +85,7 @@ def make_planner(name: str, config: MappingConfig, **settings: Any) -> Planner:
     factory = PLANNERS.load(name)
     _check_settings(name, factory, settings)
     if name in PLANNERS.shipped:
-        return cast(Planner, factory(config, **settings))
+        return cast("Planner", factory(config, **settings))
     try:
         made = factory(config, **settings)
     except HDError:
@@ -95,7 +97,7 @@ def make_planner(name: str, config: MappingConfig, **settings: Any) -> Planner:
     missing = [member for member in _MEMBERS if not hasattr(made, member)]
     if missing:
         raise ConfigError(f"{name!r} is no planner, it has no {', '.join(missing)}: see common.planners.base.Planner")
-    return cast(Planner, made)
+    return cast("Planner", made)
 
 
 def _check_settings(name: str, factory: Any, settings: dict[str, Any]) -> None:

@@ -7,7 +7,7 @@ them begins a new folder. It also works where the software's own folder cannot b
 NUMBA_CACHE_DIR wins.
 
 Processes that start together need the same kernels: each is compiled by one of them, while the others wait for it and
-load it.
+load it. A process that compiles says so in its log, and every few seconds how many kernels it has compiled.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import contextlib
 import fcntl
 import functools
 import hashlib
+import logging
 import os
 import shutil
 import time
@@ -27,9 +28,12 @@ from typing import Any
 import numba
 from numba.core.compiler_lock import global_compiler_lock
 
+log = logging.getLogger(__name__)
+
 _SOURCES = Path(__file__).parents[2]
 _MARK = b"import njit"
 _FORGET_SECONDS = 7 * 86400.0
+_SAY_SECONDS = 10.0
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -76,6 +80,35 @@ def forget_old_caches() -> None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
+class _Progress:
+    """Tells of kernels that this process compiles: a first start takes a minute, and should not look frozen."""
+
+    def __init__(self) -> None:
+        self._compiled = 0
+        self._began = self._said = 0.0
+
+    def begin(self) -> None:
+        """A kernel is to be compiled or loaded."""
+        if not self._compiled:
+            self._began = time.monotonic()
+
+    def note(self, kernel: Any) -> None:
+        """A kernel was compiled."""
+        self._compiled += 1
+        now = time.monotonic()
+        if self._compiled == 1:
+            log.info("compiling kernels, which the next start loads")
+        elif now - self._said > _SAY_SECONDS:
+            seconds, module = now - self._began, kernel.py_func.__module__
+            log.info("compiled %d kernels in %.0f s, the last one of %s", self._compiled, seconds, module)
+        else:
+            return
+        self._said = now
+
+
+_progress = _Progress()
+
+
 def _compile_in_one_process(kernel: Any, folder: Path) -> None:
     """Let one process at a time compile a kernel; numba's own cache is read without a lock, and not again."""
     compile_now = kernel.compile
@@ -86,9 +119,19 @@ def _compile_in_one_process(kernel: Any, folder: Path) -> None:
             return compile_now(signature)
         # numba's lock first: whoever waits for another process keeps this one's threads from waiting for each other.
         with global_compiler_lock, _claimed(folder, place):
-            return compile_now(signature)
+            _progress.begin()
+            before = _misses(kernel)
+            entry = compile_now(signature)
+            if _misses(kernel) > before:
+                _progress.note(kernel)
+            return entry
 
     kernel.compile = compile_once
+
+
+def _misses(kernel: Any) -> int:
+    """Return how often a kernel was compiled because the cache did not hold it."""
+    return sum(kernel.stats.cache_misses.values())
 
 
 @contextlib.contextmanager

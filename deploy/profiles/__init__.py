@@ -25,8 +25,7 @@ def named_parts(config: DeployConfig) -> Iterator[NamedPart]:
 DEPLOY = ConfigTree(
     DeployConfig,
     subject="robot",
-    preset_package="deploy",
-    preset_folder="profiles",
+    presets=Path(__file__).parent,
     preset_word="profile",
     prefix="HDROBOT_",
     example="decision.planner=tare",

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -18,8 +18,9 @@ from common.system.logs import setup_logging
 from common.system.progress import Steps, tell_of_kernels
 from common.system.signals import stopping_signals
 from deploy.cli_options import ConfigFile, Connect, LogLevel, Overrides, Profile, load_options
-from deploy.config import DeployConfig
-from deploy.profiles import load_deploy_config, named_parts
+
+if TYPE_CHECKING:
+    from deploy.config import DeployConfig
 
 app = typer.Typer()
 
@@ -114,6 +115,7 @@ def replay(
     Parameters are those of the recording, unless --profile or --config gives others; --set changes single ones.
     """
     setup_logging(log_level or "warning")
+    from deploy.profiles import named_parts
     from deploy.recording.bag_player import BagPlayer, has_decisions
     from deploy.recording.checks import Checks
     from deploy.recording.comparison import compare
@@ -173,6 +175,8 @@ def recover(
 
 def _override(recorded: DeployConfig, overrides: Sequence[str]) -> DeployConfig:
     """Change single parameters of a recording's own."""
+    from deploy.profiles import load_deploy_config
+
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "recorded.json"
         file.write_text(recorded.model_dump_json(), "utf-8")

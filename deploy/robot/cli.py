@@ -8,10 +8,9 @@ import json
 import os
 import threading
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from pydantic import ValidationError
 
 from common.cli import command_errors, message_console
 from common.errors import ConfigError
@@ -20,11 +19,12 @@ from common.system.extras import optional
 from common.system.logs import setup_logging
 from common.system.signals import stopping_signals
 from common.tasks import TASKS
-from deploy.config import DeployConfig
-from deploy.profiles import load_deploy_config
-from deploy.robot.options import DEFAULT_SCALE, RobotOptions
+from deploy.robot import defaults
 
-DEFAULTS = RobotOptions()
+if TYPE_CHECKING:
+    from deploy.config import DeployConfig
+    from deploy.robot.options import RobotOptions
+
 Position = tuple[float, float]
 World = Annotated[
     str,
@@ -33,7 +33,8 @@ World = Annotated[
 Start = Annotated[Position | None, typer.Option(metavar="X Y", help="Start in the map file, metres, map frame.")]
 Target = Annotated[Position | None, typer.Option(metavar="X Y", help="Target in the map file, metres, map frame.")]
 Scale = Annotated[
-    float | None, typer.Option(help=f"Metres per pixel of the map. [default: its set's, else {DEFAULT_SCALE}]")
+    float | None,
+    typer.Option(help=f"Metres per pixel of the map. [default: its set's, else {defaults.METRES_PER_PIXEL}]"),
 ]
 # What a simulated robot takes, all at once, whichever is missed first.
 _EXTRAS = ("actor", "pybullet", "robot", "plots")
@@ -68,7 +69,7 @@ Examples:
 
 @command_errors
 def robot(
-    world: World = DEFAULTS.map,
+    world: World = defaults.MAP,
     start: Start = None,
     target: Target = None,
     profile: Annotated[str | None, typer.Option(help="Topics and frames: bare, cmu or nav2. [default: bare]")] = None,
@@ -88,15 +89,15 @@ def robot(
     layers: Annotated[
         int | None, typer.Option(help="Lidar layers, 1 or 16. [default: 16 where the profile has point clouds]")
     ] = None,
-    rays: Annotated[int, typer.Option(help="Beams of a turn.")] = DEFAULTS.rays,
-    scan_rate: Annotated[float, typer.Option(help="Scans per second, Hz.")] = DEFAULTS.scan_rate,
+    rays: Annotated[int, typer.Option(help="Beams of a turn.")] = defaults.RAYS,
+    scan_rate: Annotated[float, typer.Option(help="Scans per second, Hz.")] = defaults.SCAN_RATE,
     range_noise: Annotated[float, typer.Option(help="Standard deviation of ranges, m.")] = 0.0,
     odometry_drift: Annotated[float, typer.Option(help="Error of odometry, m per m and rad per square root of m.")] = 0,
     sensor_latency: Annotated[float, typer.Option(help="Delay of sensor messages, s.")] = 0.0,
     command_latency: Annotated[float, typer.Option(help="Delay of commands, s.")] = 0.0,
     command_timeout: Annotated[
         float, typer.Option(help="The base stops after this time without velocities, s.")
-    ] = DEFAULTS.command_timeout,
+    ] = defaults.COMMAND_TIMEOUT,
     follow: Annotated[
         bool | None,
         typer.Option(
@@ -111,6 +112,7 @@ def robot(
     setup_logging(log_level)
     with optional("hd-deploy robot", *_EXTRAS):
         from deploy.robot.process import run_robot
+    from deploy.profiles import load_deploy_config
 
     options = checked_options(
         {
@@ -139,7 +141,7 @@ def robot(
 def demo(
     task: Annotated[str, typer.Option(help="exploration, navigation, or MODULE:NAME.")] = "exploration",
     planner: Annotated[str, typer.Option(help="Planner or MODULE:CLASS; hdplanner: shipped policy.")] = "hdplanner",
-    world: World = DEFAULTS.map,
+    world: World = defaults.MAP,
     start: Start = None,
     target: Target = None,
     metres_per_pixel: Scale = None,
@@ -228,6 +230,10 @@ def suited_settings(world: str) -> list[str]:
 
 def checked_options(values: dict[str, object]) -> RobotOptions:
     """Validate options; `ConfigError` names the first wrong one as the command line spells it."""
+    from pydantic import ValidationError
+
+    from deploy.robot.options import RobotOptions
+
     try:
         return RobotOptions.model_validate(values)
     except ValidationError as error:

@@ -165,7 +165,7 @@ def start_process(arguments: Sequence[str], log: Path, mode: str = "w") -> subpr
         log: file that takes what it prints.
         mode: ``w`` begins the file, ``a`` appends to it.
     """
-    command = python_module("deploy.cli", *arguments)
+    command = python_module("deploy", *arguments)
     with log.open(mode, encoding="utf-8") as out:
         return subprocess.Popen(
             python_module("common.system.tethered", str(os.getpid()), *command),

@@ -9,18 +9,16 @@ from pydantic import Field
 from common.config import Positive, Section
 from deploy.config import DrivingConfig, NonNegative
 from deploy.network_config import TopicsConfig
-
-DEFAULT_SCALE = 0.1875
-"""Metres per pixel: doors of a generated office are 8 pixels wide and must let viewpoints 1 m apart through."""
+from deploy.robot import defaults
 
 
 class RobotOptions(Section):
     """Options of `hd-deploy robot`; topics and frames are those of the bridge's `DeployConfig`."""
 
-    map: str = "generator:office?width=192&height=192&seed=3"
+    map: str = defaults.MAP
     """World: a map file (`plan.yaml?start=1.5,2`), a folder of them, or `generator:NAME[?key=value&...]`."""
     metres_per_pixel: Positive | None = None
-    """Scale of images and of generated worlds; when not given that of their set, else `DEFAULT_SCALE`."""
+    """Scale of images and of generated worlds; when not given that of their set, else `defaults.METRES_PER_PIXEL`."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Number of the world in its source, and seed of all noise."""
     speed_factor: Annotated[float, Field(gt=0.0, le=100.0)] = 1.0
@@ -35,14 +33,14 @@ class RobotOptions(Section):
     """m/s2."""
     turn_acceleration: Positive = 9.0
     """rad/s2."""
-    command_timeout: Positive = 0.5
+    command_timeout: Positive = defaults.COMMAND_TIMEOUT
     """The base stops this long after the last velocity, as real bases do: seconds of wall-clock time, or of the robot's
     in slow motion."""
-    rays: Annotated[int, Field(ge=16, le=7200)] = 720
+    rays: Annotated[int, Field(ge=16, le=7200)] = defaults.RAYS
     """Beams of the lidar per turn."""
     layers: Literal[1, 16] | None = None
     """Layers of the lidar; when not given 16 where the profile has a topic of point clouds, else 1."""
-    scan_rate: Annotated[float, Field(gt=0.0, le=30.0)] = 10.0
+    scan_rate: Annotated[float, Field(gt=0.0, le=30.0)] = defaults.SCAN_RATE
     """Scans or clouds per second, Hz."""
     odometry_rate: Annotated[float, Field(gt=0.0, le=60.0)] = 30.0
     """Odometry messages and transforms per second, Hz."""

@@ -17,10 +17,11 @@ from common.system.closing import Closing
 from common.system.extras import optional
 from deploy.config import DeployConfig
 from deploy.network_config import TopicsConfig
+from deploy.robot import defaults
 from deploy.robot.drive_base import DriveBase
 from deploy.robot.follower import WaypointFollower
 from deploy.robot.odometry import Odometry, compose, correction, relative
-from deploy.robot.options import DEFAULT_SCALE, RobotOptions
+from deploy.robot.options import RobotOptions
 from deploy.robot.slam import RobotSlam
 
 if TYPE_CHECKING:
@@ -226,7 +227,7 @@ def load_world(options: RobotOptions) -> GridMap:
     Raises:
         MapError: it cannot be used.
     """
-    scale = options.metres_per_pixel or recommended(options.map).metres_per_pixel or DEFAULT_SCALE
+    scale = options.metres_per_pixel or recommended(options.map).metres_per_pixel or defaults.METRES_PER_PIXEL
     return open_sources([options.map], scale, "exploration").world(options.seed)
 
 

@@ -8,9 +8,7 @@ from typing import Annotated
 
 import typer
 
-from common.bus.session import open_client_session
 from common.cli import command_errors
-from common.config.load import load_config
 from common.page.options import TokenOption, announcement, page_settings
 from common.system.extras import optional
 from common.system.logs import setup_logging
@@ -43,6 +41,8 @@ def page(
     setup_logging(log_level)
     with optional("the page", "page"):
         from common.page.serve import serve
+    from common.bus.session import open_client_session
+    from common.config import load_config
     from learner.page.process import SITE
     from learner.page.source import Training
     from learner.watch.asking import only_run

@@ -66,9 +66,9 @@ def test_names_between_colons_stay_as_they_are(capsys) -> None:
         ("learner", "config", "--describe"),
         ("learner", "--help"),
         ("actors", "--help"),
-        ("deploy.cli", "bridge", "--help"),
-        ("deploy.cli", "config", "--describe"),
-        ("deploy.cli", "config", "--config", "größe≥.toml"),
+        ("deploy", "bridge", "--help"),
+        ("deploy", "config", "--describe"),
+        ("deploy", "config", "--config", "größe≥.toml"),
     ],
     ids=" ".join,
 )

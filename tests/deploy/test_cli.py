@@ -118,7 +118,7 @@ def test_a_bridge_process_explores_and_ends_on_sigterm_with_the_robot_stopped(tm
     file.write_text(to_toml(config))
     with FakeRobot(DEAD_END, router) as robot:
         process = subprocess.Popen(
-            [sys.executable, "-m", "deploy.cli", "bridge", "--config", str(file)],
+            [sys.executable, "-m", "deploy", "bridge", "--config", str(file)],
             cwd=ROOT,
             stderr=subprocess.PIPE,
             text=True,
@@ -142,7 +142,7 @@ def test_the_robot_stops_when_the_bridge_is_killed(tmp_path):
     file = tmp_path / "robot.toml"
     file.write_text(to_toml(config))
     with FakeRobot(DEAD_END, router, speed=0.3) as robot:
-        process = subprocess.Popen([sys.executable, "-m", "deploy.cli", "bridge", "--config", str(file)], cwd=ROOT)
+        process = subprocess.Popen([sys.executable, "-m", "deploy", "bridge", "--config", str(file)], cwd=ROOT)
         try:
             assert eventually(lambda: bool(robot.waypoints) and robot.stops[-1][1] == 0, 120)
         finally:

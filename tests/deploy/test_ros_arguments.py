@@ -73,7 +73,7 @@ def test_a_file_that_holds_no_parameters_is_refused(tmp_path, text):
 
 
 def test_the_command_itself_understands_them():
-    command = [sys.executable, "-m", "deploy.cli", "config", "--ros-args", "-r", "__ns:=/robot1", "-p", "ros.domain:=7"]
+    command = [sys.executable, "-m", "deploy", "config", "--ros-args", "-r", "__ns:=/robot1", "-p", "ros.domain:=7"]
     result = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=100)
     assert result.returncode == 0, result.stderr
     assert tomllib.loads(result.stdout)["ros"]["domain"] == 7

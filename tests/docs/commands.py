@@ -45,10 +45,10 @@ class BadCommandError(Exception):
 def program(name: str) -> Any:
     """Return the command of a script or of a module, as Typer makes it."""
     module, _, attribute = (SCRIPTS.get(name) or _PROGRAMS[name]).partition(":")
-    loaded = importlib.import_module(module)
-    entry = getattr(loaded, attribute)
-    # A script that prepares its arguments is a function beside its app.
-    return typer.main.get_command(entry if isinstance(entry, typer.Typer) else loaded.app)
+    if attribute == "main":
+        # A script's entry point imports its command line when it is called.
+        module = module.replace(".__main__", ".cli")
+    return typer.main.get_command(importlib.import_module(module).app)
 
 
 def all_options() -> set[str]:

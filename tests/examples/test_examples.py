@@ -41,7 +41,7 @@ def test_own_planner_explores_and_is_known_to_the_commands(tmp_path):
     assert [line.split()[:4] for line in lines] == [[name, "3", "of", "3"] for name in ("curious", "nearest")]
     arguments = ["--planner", "own_planner:CuriousPlanner", "--maps", "generator:rooms?width=320&height=240"]
     # The commands find a module of the folder that they are started in.
-    command = [sys.executable, "-P", "-m", "actors.evaluation.cli", "run", *arguments, "--limit", "1", "--jobs", "1"]
+    command = [sys.executable, "-P", "-m", "actors.evaluation", "run", *arguments, "--limit", "1", "--jobs", "1"]
     told = subprocess.run([*command, "--out", str(tmp_path)], capture_output=True, text=True, cwd=FOLDER, check=False)
     assert told.returncode == 0, told.stderr
     results = json.loads((tmp_path / "own_planner.CuriousPlanner.json").read_text())

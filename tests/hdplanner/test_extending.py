@@ -73,7 +73,7 @@ def test_everything_at_once_by_the_command_in_processes_of_its_own(folder):
     }.items():
         (site / "my_package" / f"{name}.py").write_text(text)
     install(site, "my-package", points)
-    command = [sys.executable, "-m", "actors.evaluation.cli", "run", "--planner", "curious,tour", "--task", "half"]
+    command = [sys.executable, "-m", "actors.evaluation", "run", "--planner", "curious,tour", "--task", "half"]
     command += ["--sim", "rainy", "--maps", "generator:arena?width=320&height=256", "--limit", "1", "--jobs", "2"]
     environment = {**os.environ, "PYTHONPATH": f"{Path(__file__).parents[2]}{os.pathsep}{site}"}
     told = subprocess.run(
@@ -85,7 +85,7 @@ def test_everything_at_once_by_the_command_in_processes_of_its_own(folder):
         assert '"task":"half"' in text
         assert '"success":true' in text
     parts = subprocess.run(
-        [sys.executable, "-m", "hdplanner.cli", "parts"], capture_output=True, text=True, env=environment, check=True
+        [sys.executable, "-m", "hdplanner", "parts"], capture_output=True, text=True, env=environment, check=True
     )
     for line in ("curious", "rainy", "half", "arena"):
         assert re.search(rf"^  {line} ", parts.stdout, flags=re.MULTILINE)

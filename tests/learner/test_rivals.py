@@ -5,6 +5,7 @@ import threading
 import time
 
 from common.bus.experience import ExperienceSender
+from common.bus.liveness import declare_presence
 from common.bus.session import new_incarnation, open_client_session, open_learner_session
 from common.config import BusConfig
 from learner.loop import train
@@ -48,8 +49,13 @@ def test_the_later_one_holds_until_the_other_is_gone(tmp_path, caplog):
     with learner(tmp_path / "first") as (first, there):
         with learner(tmp_path / "second") as (second, here):
             assert not first.held and not second.held
-            with open_learner_session(loopback(connect=(here, there))):
+            with (
+                open_learner_session(loopback(connect=(here, there))) as between,
+                declare_presence(between, "test", "actor", "desk-1"),
+            ):
                 assert eventually(lambda: second.held, 20.0)
+                # Versions wait for whoever fetches them.
+                assert eventually(lambda: first.receivers == 1, 20.0)
                 assert (second.state, first.held) == ("held", False)
                 assert "This one began later, so it holds and takes nothing" in caplog.text
                 assert "It began later, so it has to hold" in caplog.text

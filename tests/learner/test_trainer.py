@@ -191,6 +191,27 @@ def test_the_loop_keeps_the_ratio_publishes_and_ends_with_a_checkpoint(tmp_path)
             assert sorted(curve(run, name)) == [10, 16]
 
 
+def test_versions_wait_while_many_actors_fetch_the_last_one(tmp_path):
+    changes = {"updates_per_step": 0.5, "total_updates": 16, "publish_every": 4, "publish_seconds_per_actor": 1.0}
+    with new_run(tmp_path, learner=changes) as run:
+        trainer, published = make_trainer(run)
+        trainer.begin()
+        for delivery in episodes(4):
+            trainer.ingest.store(delivery)
+        trainer.publish()
+        trainer.receivers = 1000
+        train_some(trainer, 9)
+        assert [version.updates for version in published] == [0]
+        trainer.receivers = 0
+        trainer.serve()
+        trainer.serve()
+        assert [version.updates for version in published] == [0, 9]
+        trainer.receivers = 1000
+        train_some(trainer, 7)
+        assert [version.updates for version in published] == [0, 9, 16]
+        trainer.close()
+
+
 def test_a_diverged_update_ends_the_run_and_keeps_the_last_checkpoint(tmp_path):
     with new_run(tmp_path) as run:
         trainer, _ = make_trainer(run)

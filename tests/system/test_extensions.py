@@ -56,7 +56,7 @@ def test_local_actors_may_load_what_their_learners_user_named(tmp_path):
         sys.executable,
         "-P",
         "-m",
-        "learner.cli",
+        "learner",
         "start",
         "--run",
         "mine",

@@ -122,7 +122,7 @@ def test_help_shows_examples(command):
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_leaves_whole_results_and_no_process(tmp_path, number):
-    command = [sys.executable, "-m", "actors.evaluation.cli", "run", "--planner", "greedy", "--maps", MAPS]
+    command = [sys.executable, "-m", "actors.evaluation", "run", "--planner", "greedy", "--maps", MAPS]
     command += ["--limit", "1000", "--jobs", "1", "--out", str(tmp_path)]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     journal = tmp_path / "greedy.jsonl"

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from actors.evaluation.options import resolve
+from actors.evaluation.resolving import resolve
 from actors.evaluation.worlds import WorldSet
 from common.errors import ConfigError, MapError
 from tests.actors.maps.images import paint, simple

@@ -59,12 +59,6 @@ def run_bare(module: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.parametrize("module", ["actors.cli", "actors.evaluation.cli", "learner.cli", "deploy.cli"])
-def test_help_needs_no_extra(module):
-    result = run_bare(module, "--help")
-    assert result.returncode == 0, result.stderr
-
-
 def test_planners_are_listed_without_any_extra():
     result = run_bare("actors.evaluation.cli", "planners")
     assert result.returncode == 0, result.stderr

@@ -11,11 +11,14 @@ OUTER = (
     "from common.system.jit import njit\nfrom common.inner import inner\n\n"
     "@njit(cache=True)\ndef outer(x):\n    return inner(x)\n"
 )
+IMPORT = "from common.outer import inner, outer; print(outer(1))"
 
 
 def start(folder, after="") -> subprocess.Popen:
     """Run the outer kernel in a process of its own."""
-    program = f"from common.outer import inner, outer; print(outer(1)){after}"
+    program = (
+        f"import logging; logging.basicConfig(level='INFO', format='%(message)s', filename='log')\n{IMPORT}{after}"
+    )
     environment = {"XDG_CACHE_HOME": str(folder / "cache"), "PYTHONPATH": str(folder)}
     command = [sys.executable, "-c", program]
     return subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True)
@@ -45,5 +48,13 @@ def test_processes_share_what_one_compiles_and_a_change_of_a_called_kernel_reach
     assert sum(int(answer[1]) for answer in answers) <= 1, "inner"
     assert len(list((tmp_path / "cache" / "hdplanner" / "kernels").iterdir())) == 1
 
+    log = tmp_path / "log"
+    # Whoever compiles says so.
+    assert log.read_text().count("compiling kernels") in (1, 2)
+    log.unlink()
+    assert told(start(tmp_path)) == "2"
+    assert log.read_text() == ""
+
     (package / "inner.py").write_text(INNER.format(10))
     assert told(start(tmp_path)) == "11"
+    assert "compiling kernels" in log.read_text()

@@ -95,7 +95,7 @@ def test_the_command_says_it_in_one_line_and_leaves_a_readable_bag(small_disk):
     with rmw_router() as endpoint, Node(ros(endpoint), "speaker") as node:
         speaker = threading.Thread(target=publish, args=(node,))
         speaker.start()
-        command = [sys.executable, "-m", "deploy.cli", "record", "--out", str(path), "--connect", endpoint]
+        command = [sys.executable, "-m", "deploy", "record", "--out", str(path), "--connect", endpoint]
         try:
             with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
                 try:

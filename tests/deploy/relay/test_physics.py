@@ -47,8 +47,8 @@ class DdsDeployment:
         robot = ["tests.deploy.relay.dds_robot", options.model_dump_json(), config.model_dump_json()]
         for name, command in (
             ("robot", robot),
-            ("relay", ["deploy.cli", "relay", *common, "--listen", endpoint]),
-            ("bridge", ["deploy.cli", "bridge", *common, *bridge, "--connect", endpoint]),
+            ("relay", ["deploy", "relay", *common, "--listen", endpoint]),
+            ("bridge", ["deploy", "bridge", *common, *bridge, "--connect", endpoint]),
         ):
             with self._log(name).open("w") as log:
                 self.processes[name] = subprocess.Popen(

@@ -10,8 +10,9 @@ from common.errors import ConfigError
 from deploy.cli import app
 from deploy.config import DeployConfig, DrivingConfig
 from deploy.profiles import load_deploy_config
+from deploy.robot import defaults
 from deploy.robot.cli import ENDPOINT, checked_options, placed, robot_config, suited_settings
-from deploy.robot.options import DEFAULT_SCALE, RobotOptions
+from deploy.robot.options import RobotOptions
 from deploy.robot.simulation import load_world
 from deploy.robot.trial import robot_arguments
 from tests.actors.maps.images import simple
@@ -94,10 +95,10 @@ def test_the_simulated_robot_is_as_large_as_the_bridge_takes_it_to_be():
 def test_the_scale_is_given_or_the_sets_or_the_robots_own(tmp_path):
     simple(tmp_path / "a.png")
     path = str(tmp_path / "a.png")
-    assert load_world(RobotOptions(map=path)).resolution == DEFAULT_SCALE
+    assert load_world(RobotOptions(map=path)).resolution == defaults.METRES_PER_PIXEL
     assert load_world(RobotOptions(map=f"floorplans:{path}")).resolution == 0.1
     assert load_world(RobotOptions(map=f"floorplans:{path}", metres_per_pixel=0.3)).resolution == 0.3
-    assert load_world(RobotOptions()).resolution == DEFAULT_SCALE
+    assert load_world(RobotOptions()).resolution == defaults.METRES_PER_PIXEL
 
 
 def test_a_negative_start_is_an_option_with_two_values(tmp_path):

@@ -15,7 +15,7 @@ from deploy.robot.deployment import free_endpoint
 from deploy.robot.options import RobotOptions
 from deploy.robot.trial import robot_arguments
 
-COMMAND = ["deploy.cli", "robot", "--map", "generator:rooms?width=192&height=192", "--rays", "90"]
+COMMAND = ["deploy", "robot", "--map", "generator:rooms?width=192&height=192", "--rays", "90"]
 
 pytestmark = pytest.mark.timeout(300)
 

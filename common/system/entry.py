@@ -1,0 +1,43 @@
+"""The first moments of a command, in which Python still imports: signals are heard from the beginning.
+
+Every command of the project begins in the module ``__main__`` of its package, which imports nothing but this one before
+signals are heard. It imports its command line then, and a command line imports at its top only what options and help
+texts need; what a command works with is imported by its body (``tests/common/system/test_entry.py``).
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+
+@contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """End with one line and status 130 or 143 on SIGINT or SIGTERM, unless what runs within the `with` takes them.
+
+    Usage::
+
+        with ended_by_signals():
+            from learner.cli import app
+
+            app()
+    """
+    signal.signal(signal.SIGTERM, _terminate)
+    try:
+        yield
+    except KeyboardInterrupt:
+        sys.stderr.write("interrupted\n")
+        raise SystemExit(128 + signal.SIGINT) from None
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    """Unwind, so that child processes and files are cleared away; a second SIGTERM ends the process at once."""
+    del frame
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    # Not through sys.stderr, which the signal may have found in the midst of a line.
+    os.write(2, b"terminated\n")
+    raise SystemExit(128 + number)

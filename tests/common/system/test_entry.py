@@ -1,0 +1,53 @@
+"""How commands begin: help comes at once, and signals are heard from the first moment."""
+
+import signal
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from tests.common.system.test_extras import OPTIONAL
+
+SCRIPTS = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text("utf-8"))["project"]["scripts"]
+# What comes with an extra, or takes long to import, cannot be imported here.
+HELP = f"""
+import importlib, sys
+for name in {["numba", "numpy", "zenoh", *OPTIONAL]!r}:
+    sys.modules[name] = None
+import typer
+for entry in sys.argv[1:]:
+    command = typer.main.get_command(importlib.import_module(entry.replace("__main__:main", "cli")).app)
+    for path in ([], *([name] for name in getattr(command, "commands", ()))):
+        command.main([*path, "--help"], prog_name=entry, standalone_mode=False)
+    print("ours:", *(name for name in sys.modules if name.startswith("common.config")))
+"""
+BEGUN = """
+import time
+from common.system.entry import ended_by_signals
+with ended_by_signals():
+    print("importing", flush=True)
+    time.sleep(60.0)
+"""
+
+
+def test_help_needs_no_extra_and_imports_nothing_that_takes_long():
+    assert all(entry.endswith(".__main__:main") for entry in SCRIPTS.values())
+    told = subprocess.run([sys.executable, "-c", HELP, *SCRIPTS.values()], capture_output=True, text=True)
+    assert told.returncode == 0, told.stderr
+    # The sections of the configuration are models that take a fifth of a second to build.
+    assert told.stdout.count("ours:\n") == len(SCRIPTS), told.stdout
+    assert told.stdout.count("Usage:") > 40
+
+
+@pytest.mark.parametrize(
+    ("number", "status", "line"), [(signal.SIGINT, 130, "interrupted\n"), (signal.SIGTERM, 143, "terminated\n")]
+)
+def test_a_signal_ends_a_command_that_still_imports_in_one_line(number, status, line):
+    process = subprocess.Popen([sys.executable, "-c", BEGUN], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    with process:
+        assert process.stdout.readline() == "importing\n"
+        process.send_signal(number)
+        assert process.stderr.read() == line
+    assert process.returncode == status
