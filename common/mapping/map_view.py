@@ -112,14 +112,6 @@ class MapView:
         """
         return self._utility.sightings(self._frontiers.flat, self._numbers, len(self._order))
 
-    def stand_ins(self) -> NDArray[np.int32]:
-        """Return which of the `frontiers` stands for each of them in `sightings`, see `common.mapping.thinning`.
-
-        Returns:
-            Places in `frontiers`, int32, shape (m,); each its own where cells are coarse.
-        """
-        return self._utility.stand_ins(self._frontiers.flat)
-
     @property
     def clear(self) -> ClearGrid:
         """Where the robot fits in known free space: straight segments through its cells of value 0 keep the radius."""

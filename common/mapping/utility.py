@@ -81,22 +81,6 @@ def _sightings(
 
 
 @njit(cache=True, nogil=True)
-def _stand_ins(
-    frontiers: NDArray[np.int64], width: int, blocks: Blocks, slots: NDArray[np.int32], pairs: Pairs, used: int
-) -> NDArray[np.int32]:
-    """Return which frontier stands for each one; see `FrontierUtility.stand_ins`."""
-    place = np.empty(used, dtype=np.int32)
-    found = np.empty(len(frontiers), dtype=np.int32)
-    for f in range(len(frontiers)):
-        slot = slots[block_at(blocks, frontiers[f], width)]
-        # The first of a block stands for all.
-        if pairs.cell[slot] == frontiers[f]:
-            place[slot] = f
-        found[f] = place[slot]
-    return found
-
-
-@njit(cache=True, nogil=True)
 def _overlooked(
     numbers: NDArray[np.int32], pieces: Any, pairs: Pairs, used: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -205,17 +189,6 @@ class FrontierUtility:
             frontiers, numbers, nodes, self.counts, self._width, self._blocks, self._slots, self._pairs
         )
         return pointer, seen
-
-    def stand_ins(self, frontiers: NDArray[np.int64]) -> NDArray[np.int32]:
-        """Return the place in a list of all frontiers of the one that stands for each, int32, shape (m,).
-
-        Args:
-            frontiers: flat cells of the padded grid, all frontiers, ascending, int64, shape (m,).
-        """
-        places: NDArray[np.int32] = _stand_ins(
-            frontiers, self._width, self._blocks, self._slots, self._pairs, self._used
-        )
-        return places
 
     def overlooked(self, numbers: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Return the frontiers that no node observes where the robot has not been, in no order.

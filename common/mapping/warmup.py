@@ -32,7 +32,6 @@ def warm_up() -> None:
         mapper.way(a, b)
     mapper.way_home()
     mapper.sightings()
-    mapper.stand_ins()
     mapper.reachable_cells()
     # Clear space, then beside a wall.
     mapper.segment_free((4.0, 12.0), (6.0, 12.0))

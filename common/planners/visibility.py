@@ -86,54 +86,6 @@ def observed(
     )
 
 
-@njit(cache=True, nogil=True)
-def _observed_by(
-    nodes: NDArray[np.int64],
-    pointer: NDArray[np.int64],
-    sightings: NDArray[np.int32],
-    stand_ins: NDArray[np.int32],
-    viewpoints: NDArray[np.int64],
-    points: NDArray[np.int64],
-    reach: int,
-) -> NDArray[np.bool_]:
-    seen = np.zeros((len(nodes), len(points)), dtype=np.bool_)
-    in_sight = np.zeros(len(points), dtype=np.bool_)
-    for v in range(len(nodes)):
-        row = sightings[pointer[nodes[v]] : pointer[nodes[v] + 1]]
-        in_sight[row] = True
-        for p in range(len(points)):
-            if in_sight[stand_ins[p]]:
-                dx, dy = points[p, 0] - viewpoints[v, 0], points[p, 1] - viewpoints[v, 1]
-                seen[v, p] = dx * dx + dy * dy <= reach * reach
-        in_sight[row] = False
-    return seen
-
-
-def observed_by(mapper: Mapper, nodes: NDArray[np.int64], reach: float) -> NDArray[np.bool_]:
-    """Return which frontiers some viewpoints observe, by the lines of sight that the last update has drawn.
-
-    Like `observed`, without drawing a line; where cells are fine, the frontiers of a block share one, see
-    `common.mapping.thinning`.
-
-    Args:
-        mapper: updated.
-        nodes: node numbers, int64, shape (n,).
-        reach: metres, at most the mapper's observable range.
-
-    Returns:
-        bool, shape (n, m), columns in the order of the mapper's frontiers.
-    """
-    belief = mapper.belief
-    return _observed_by(
-        nodes,
-        *mapper.sightings(),
-        mapper.stand_ins(),
-        subcells(belief, mapper.viewpoints[nodes]),
-        subcells(belief, mapper.frontiers),
-        round(reach / belief.resolution * SUBCELLS),
-    )
-
-
 @njit(cache=True, nogil=True, inline="always")
 def _axis(start: float, direction: float) -> tuple[int, float, float]:
     """Return step, distance to the first border and between borders of cells along one axis of a ray, in cells."""

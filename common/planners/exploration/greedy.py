@@ -10,7 +10,7 @@ from common.errors import ConfigError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.viewpoint_planner import ViewpointPlanner
-from common.planners.visibility import observed_by
+from common.planners.visibility import observed
 
 
 class GreedyPlanner(ViewpointPlanner):
@@ -67,8 +67,8 @@ class GreedyPlanner(ViewpointPlanner):
         self, mapper: Mapper, pose: Pose, candidates: NDArray[np.int64], positions: NDArray[np.float64]
     ) -> list[int]:
         """Return the best candidate; of equally good ones the nearest, then the lowest node number."""
-        del pose, positions
-        seen = observed_by(mapper, candidates, self._cover_range).sum(axis=1)
+        del pose
+        seen = observed(mapper.belief, positions[candidates], mapper.frontiers, self._cover_range).sum(axis=1)
         useful = mapper.observe().utility[candidates]
         # Everything near enough, else anything near enough, else whatever can be seen at all.
         counts = next(each for each in (np.where(seen >= self._least, seen, 0), seen, useful) if each.any())
