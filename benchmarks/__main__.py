@@ -71,7 +71,10 @@ PARTS: Final[Mapping[str, Part]] = {
         "what it costs to acknowledge from the disk instead of from memory",
         short={"chunks": 10, "seconds": 1.2, "processes": 1},
     ),
-    "page": Part("the page of a robot at 0, 1 and 10 browsers, and a control loop beside it", short=None),
+    "page": Part(
+        "the pages of a robot and of a training at 0, 1 and 10 browsers, and a control loop beside the first",
+        short=None,
+    ),
     "memory": Part("resident memory of each process of a run", None, None),
 }
 
