@@ -153,7 +153,7 @@ CLAIMS: Final = (
     ),
     Claim("navigation, test maps", "BIT* arrives", "88.7 %", succeeds("navigation", "bit_star", 0.887)),
     Claim("navigation, test maps", "CA arrives", "99.3 %", succeeds("navigation", "ca", 0.993)),
-    Claim("navigation, test maps", "shipped weights arrives", "100 %", succeeds("navigation", "shipped", 1.0)),
+    Claim("navigation, test maps", "shipped weights arrive", "100 %", succeeds("navigation", "shipped", 1.0)),
     Claim("large scene, exploring", "DSVP over TARE", "1.222", drives("large-exploration", "dsvp", "tare", 1.222)),
     Claim(
         "large scene, exploring",

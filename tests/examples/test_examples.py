@@ -61,6 +61,7 @@ def test_train_leaves_a_policy_that_drives(tmp_path):
     assert json.loads((tmp_path / "example.json").read_text())["updates"] == 50
 
 
+@pytest.mark.slow
 def test_drive_robot_goes_out_and_comes_home(tmp_path):
     pytest.importorskip("pybullet", reason="PyBullet is not installed")
     lines = run("drive_robot", tmp_path).splitlines()

@@ -81,6 +81,7 @@ def call(app: object, *arguments: str) -> str:
     return done.output
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_images_come_from_a_real_actor_to_a_real_learner(tmp_path: Path) -> None:
     training = Training(tmp_path, "cnn")

@@ -23,9 +23,11 @@ for entry in sys.argv[1:]:
         command.main([*path, "--help"], prog_name=entry, standalone_mode=False)
     print("ours:", *(name for name in sys.modules if name.startswith("common.config")))
 """
+# A shell lets what it runs in the background ignore SIGINT; in a terminal it is heard.
 BEGUN = """
-import time
+import signal, time
 from common.system.entry import ended_by_signals
+signal.signal(signal.SIGINT, signal.default_int_handler)
 with ended_by_signals():
     print("importing", flush=True)
     time.sleep(60.0)
