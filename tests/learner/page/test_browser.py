@@ -163,7 +163,8 @@ def test_an_episode_is_shown_live_and_evaluations_with_their_pictures(run, brows
 
 
 def test_only_the_token_pauses_and_stops(run, browser):
-    with opened(browser, run.address) as page:
+    # The page ends with its learner.
+    with opened(browser, run.address, expected="net::ERR_CONNECTION_REFUSED") as page:
         page.get_by_role("button", name="Pause").click()
         page.get_by_label("Token").fill("let-me-in")
         page.locator("dialog button[type=submit]").click()
