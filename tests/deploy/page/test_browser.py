@@ -27,7 +27,7 @@ from tests.common.page.reader import Reader
 from tests.rigs.browser import CHROMIUM, PATIENCE, assert_within_reach, chromium, opened, picture
 
 TOKEN = "let-me-command"
-# Of the kind that the shipped policy was trained for: it decides itself, and tells how probable its choices are.
+# Rooms of the kind that the shipped policy was trained for.
 WORLD = "generator:rooms?width=320&height=240"
 SETTINGS = ["mapping.resolution=0.25"]
 DRIVEN = "[...document.querySelectorAll('#task dt')].find((e) => e.textContent === 'Driven')?.nextSibling.textContent"
