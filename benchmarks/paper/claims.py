@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from actors.evaluation.results import Results
-from actors.evaluation.statistics import compare, summarise
+from actors.evaluation.statistics import Summary, compare, summarise
 from benchmarks.paper.plan import SEEDS
 
 Found = Mapping[str, Sequence[Results]]
@@ -75,26 +75,41 @@ def drives(table: str, planner: str, baseline: str, published: float) -> Callabl
 
 def succeeds(table: str, planner: str, published: float) -> Callable[[Found], Verdict]:
     """Return the judge of a success rate: at least the published share holds."""
-
-    def judge(found: Found) -> Verdict:
-        same = _same(found.get(table, ()), planner)
-        if not same:
-            return Verdict("", f"not finished: {planner}")
-        share = float(np.mean([summarise(results).success for results in same]))
-        return Verdict(f"{100 * share:.1f} %", "holds" if share >= published else "does not hold")
-
-    return judge
+    return _figure(
+        table,
+        planner,
+        lambda each: each.success,
+        lambda share: f"{100 * share:.1f} %",
+        lambda share: share >= published,
+    )
 
 
 def decides(table: str, planner: str, published: float) -> Callable[[Found], Verdict]:
     """Return the judge of the time of a decision: at most the published seconds holds."""
+    return _figure(
+        table,
+        planner,
+        lambda each: each.median_ms / 1e3,
+        lambda seconds: f"{seconds:.4f} s",
+        lambda seconds: seconds <= published,
+    )
+
+
+def _figure(
+    table: str,
+    planner: str,
+    measure: Callable[[Summary], float],
+    show: Callable[[float], str],
+    holds: Callable[[float], bool],
+) -> Callable[[Found], Verdict]:
+    """Return the judge of one figure of a planner, the mean over the seeds that are done."""
 
     def judge(found: Found) -> Verdict:
         same = _same(found.get(table, ()), planner)
         if not same:
             return Verdict("", f"not finished: {planner}")
-        seconds = float(np.mean([summarise(results).median_ms for results in same])) / 1e3
-        return Verdict(f"{seconds:.4f} s", "holds" if seconds <= published else "does not hold")
+        figure = float(np.mean([measure(summarise(results)) for results in same]))
+        return Verdict(show(figure), "holds" if holds(figure) else "does not hold")
 
     return judge
 

@@ -7,7 +7,7 @@ through Hierarchical Decision Networks", IEEE Robotics and Automation Letters, 2
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final, Literal
 
 SEEDS: Final = (0, 1, 2)
@@ -44,7 +44,7 @@ class Training:
 
     def options(self, seed: int) -> list[str]:
         """Return the options of `hd-learner start` that say what is learned, with ``{maps}`` in them."""
-        maps = f"{MAPS}/{'exploration/train' if self.task == 'exploration' else 'navigation/train'}"
+        maps = f"{MAPS}/{self.task}/train"
         generator = "generator:rooms" if self.task == "exploration" else "generator:rooms?style=navigation"
         settings = (
             f"maps.train={maps}#train,{generator}",
@@ -57,28 +57,19 @@ class Training:
         return ["--preset", self.preset, *(part for setting in settings for part in ("--set", setting))]
 
 
-def _variants(task: Task, names: tuple[str, ...]) -> list[Training]:
-    imitating = (f"cloning.updates={IMITATION}", "sac.critic_only_updates=100")
-    return [Training(f"{name}-{task}", name, task, task, (f"network.variant={name}", *imitating)) for name in names]
+def _imitating(label: str, task: Task, setting: str) -> Training:
+    """Return the training of a variant that imitates the privileged expert first."""
+    recipe = (f"cloning.updates={IMITATION}", "sac.critic_only_updates=100")
+    return Training(f"{label}-{task}", label, task, task, (setting, *recipe))
 
+
+_TASKS: Final[tuple[Task, ...]] = ("exploration", "navigation")
+_VARIANTS: Final = ("hdplanner", "hierarchical", "vanilla")
 
 TRAININGS: Final = (
-    *_variants("exploration", ("hdplanner", "hierarchical", "vanilla")),
-    *_variants("navigation", ("hdplanner", "hierarchical", "vanilla")),
-    Training(
-        "paper-features-exploration",
-        "paper-features",
-        "exploration",
-        "exploration",
-        (f"cloning.updates={IMITATION}", "sac.critic_only_updates=100", "network.features=paper"),
-    ),
-    Training(
-        "full-graph-exploration",
-        "full-graph",
-        "exploration",
-        "exploration",
-        (f"cloning.updates={IMITATION}", "sac.critic_only_updates=100", "network.graph=full"),
-    ),
+    *(_imitating(name, task, f"network.variant={name}") for task in _TASKS for name in _VARIANTS),
+    _imitating("paper-features", "exploration", "network.features=paper"),
+    _imitating("full-graph", "exploration", "network.graph=full"),
     Training("ariadne-exploration", "ariadne", "exploration", "ariadne"),
     Training("cnn-exploration", "cnn", "exploration", "cnn"),
     Training("ca-navigation", "ca", "navigation", "ca"),
@@ -112,7 +103,6 @@ class Table:
         name: of its folder.
         title: what the page calls it.
         kind: what makes a row: `hd-eval run`, `hd-eval large` or `hd-deploy demo`.
-        task: exploration or navigation.
         options: of that command, with ``{maps}`` in them.
         baseline: label that ratios are taken to.
         rows: in the order of the work.
@@ -121,10 +111,9 @@ class Table:
     name: str
     title: str
     kind: Literal["run", "large", "demo"]
-    task: Task
     options: tuple[str, ...]
     baseline: str
-    rows: tuple[Row, ...] = field(default=())
+    rows: tuple[Row, ...]
 
 
 def _plain(*planners: str) -> tuple[Row, ...]:
@@ -155,7 +144,6 @@ TABLES: Final = (
         "exploration",
         "Exploration, 300 public maps",
         "run",
-        "exploration",
         ("--maps", f"{MAPS}/exploration/bench"),
         "tare",
         (*_plain("omniscient", "tare", "greedy", "dsvp", "nearest", "nbvp"), SHIPPED, *_learned("exploration")),
@@ -164,7 +152,6 @@ TABLES: Final = (
         "navigation",
         "Navigation, 100 public maps",
         "run",
-        "navigation",
         ("--task", "navigation", "--maps", f"{MAPS}/navigation/bench"),
         "dstar_lite",
         (*_plain("omniscient", "dstar_lite", "astar", "far", "bit_star"), SHIPPED, *_learned("navigation")),
@@ -173,7 +160,6 @@ TABLES: Final = (
         "large-exploration",
         f"The large scene under physics, exploration from {LARGE_STARTS} start places",
         "large",
-        "exploration",
         _LARGE,
         "tare",
         (
@@ -186,7 +172,6 @@ TABLES: Final = (
         "large-navigation",
         f"The large scene under physics, tours of 5 targets from {LARGE_STARTS} start places",
         "large",
-        "navigation",
         ("--task", "navigation", "--targets", "5", *_LARGE),
         "dstar_lite",
         (*_plain("dstar_lite", "far"), SHIPPED, *_learned("navigation", "hierarchical", "hdplanner")),
@@ -196,7 +181,6 @@ TABLES: Final = (
             scene,
             f"The simulated robot over the bus: {scene}",
             "demo",
-            "exploration",
             ("--map", f"{SCENES}/{scene}", *_HARDWARE),
             "tare",
             (*_plain("tare", "nearest"), SHIPPED),

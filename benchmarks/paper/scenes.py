@@ -48,7 +48,7 @@ def make_scenes(maps: Path, out: Path) -> None:
         MapError: the large scene is not there.
     """
     for name, free in (("laboratory", laboratory()), ("garden", garden())):
-        folder = _fresh(out / name)
+        folder = _made(out / name)
         Image.fromarray(np.where(free[::-1], np.uint8(_FREE), np.uint8(0))).save(folder / f"{name}.png")
         (folder / "worlds.toml").write_text(
             _SETTINGS.format(scale=_PIXEL, resolution=0.2) + f'\n[worlds."{name}.png"]\nstart = [1.5, 1.5]\n', "utf-8"
@@ -114,7 +114,7 @@ def _large(plan: Path, out: Path) -> None:
     if not plan.is_file():
         raise MapError(f"{plan} is missing: 'hd-eval maps cmu' tells how to make it")
     world = open_sources([f"cmu:{plan}"], None, "exploration").world(0)
-    folder = _fresh(out)
+    folder = _made(out)
     lines = [_SETTINGS.format(scale=world.resolution, resolution=world.resolution)]
     for number, (x, y) in enumerate(start_places(world, LARGE_STARTS)):
         name = f"start-{number}.png"
@@ -123,7 +123,7 @@ def _large(plan: Path, out: Path) -> None:
     (folder / "worlds.toml").write_text("".join(lines), "utf-8")
 
 
-def _fresh(folder: Path) -> Path:
+def _made(folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     return folder
 

@@ -63,7 +63,6 @@ class Slurm:
     def submit(self, script: Path, *options: str, **settings: str) -> str:
         """Queue a script with settings in its environment; return the number of its job."""
         export = ",".join(["ALL", *(f"{name}={value}" for name, value in settings.items())])
-        # Two cores stand for all that a script asks for.
         command = ["sbatch", "--parsable", f"--export={export}", f"--chdir={self.folder}", *options, str(script)]
         return self.run(*command).strip()
 
@@ -113,4 +112,6 @@ def slurm_here(folder: Path) -> Iterator[Slurm]:
             cluster.run("scancel", "--full", "--user=root")
             eventually(lambda: not cluster.run("squeue", "--noheader"), 90)
         for name in reversed(daemons):
-            (folder / f"{name}.pid").exists() and subprocess.run(["kill", (folder / f"{name}.pid").read_text().strip()])
+            pid = folder / f"{name}.pid"
+            if pid.exists():
+                subprocess.run(["kill", pid.read_text().strip()], check=False)
