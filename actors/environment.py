@@ -134,7 +134,8 @@ class Environment:
         )
         if self._reference is not None:
             self._reference.reset(self.goal.task.name, self.goal.target)
-        self._sense()
+        self._look()
+        self._update()
         if self.mapper.stuck:
             raise MapError(
                 f"map {world.name!r}: no viewpoint can be reached from the start {world.start}: "
@@ -289,7 +290,8 @@ class Environment:
         """Drive along a way, sensing at its corners and its end; return whether the robot got there.
 
         Where its first leg is not known to be free from where the robot stands, it goes by way of its viewpoint. A task
-        that is complete at a corner is complete there.
+        that is complete at a corner is complete there. The graph is brought up to date where the robot stops: at
+        corners nothing is decided.
         """
         if not self.mapper.segment_free(self.pose.position, way[0]) and not self.mapper.stuck:
             home = self.mapper.way_home()
@@ -300,11 +302,12 @@ class Environment:
             if self.pose.distance_to(place) == 0.0 and place != way[-1]:
                 continue
             reached = self._take(self._simulator.drive_to(place))
-            self._sense()
+            self._look()
             if not reached or self.goal.complete(self.coverage, self.pose):
                 break
             if place != way[-1]:
                 self.corners.append(len(self.positions) - 1)
+        self._update()
         return reached
 
     def _take(self, leg: Leg) -> bool:
@@ -318,12 +321,17 @@ class Environment:
         self.positions.append(leg.pose.position)
         return leg.reached
 
-    def _sense(self) -> None:
-        """Scan from here, and bring the belief, the graph and the coverage up to date."""
+    def _update(self) -> None:
+        """Bring the graph up to date."""
+        began = time.process_time()
+        self.mapper.update(self.pose)
+        self.mapping_seconds += time.process_time() - began
+
+    def _look(self) -> None:
+        """Scan from here, and bring the belief and the coverage up to date."""
         scan = self._simulator.scan()
         began = time.process_time()
         self.mapper.integrate(scan, self.pose)
-        self.mapper.update(self.pose)
         self.mapping_seconds += time.process_time() - began
         belief = self.mapper.belief
         self.coverage.update(belief.cells, belief.resolution, belief.origin)
