@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-import subprocess
+from contextlib import closing
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,10 +17,9 @@ from common.extensions import SIMULATORS
 from common.ids import check_id
 from common.system.addresses import listening_address
 from common.system.logs import setup_logging
-from common.system.reaper import Reaper
-from common.system.runtime import process_environment, python_module
 
 if TYPE_CHECKING:
+    from actors.launching import Launcher
     from common.config import BusConfig
     from common.messages.replies import Spec
 
@@ -37,6 +36,8 @@ Examples:
 
   hd-actor --num 2 --sim grid                         without PyBullet
 
+  hd-actor --num 64 --launcher ray --connect tcp/192.168.1.5:7447     on the machines of a Ray cluster
+
   hd-actor --evaluate                                 run the validation worlds with each new policy
 
   hd-actor --gui --fidelity dynamic                   watch one robot drive
@@ -50,6 +51,13 @@ class LogLevel(StrEnum):
     INFO = "info"
     WARNING = "warning"
     ERROR = "error"
+
+
+class Launching(StrEnum):
+    """Where the processes run."""
+
+    LOCAL = "local"
+    RAY = "ray"
 
 
 @app.command(epilog=EXAMPLES)
@@ -92,6 +100,16 @@ def main(
     name: Annotated[
         str | None, typer.Option(metavar="PREFIX", help="Names are PREFIX-0, PREFIX-1, ... [default: the host's name]")
     ] = None,
+    launcher: Annotated[
+        Launching, typer.Option(help="Where the processes run: on this machine, or on those of a Ray cluster.")
+    ] = Launching.LOCAL,
+    ray_address: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Head of the Ray cluster. [default: RAY_ADDRESS, else the cluster that this machine belongs to]",
+        ),
+    ] = None,
     compress: Annotated[
         bool, typer.Option("--compress", help="Compress the link, where its other end has bus.compression on.")
     ] = False,
@@ -125,6 +143,10 @@ def main(
         raise ConfigError(f"--gui opens one window: use it with --num 1, not --num {num}")
     if gui and sim == "grid":
         raise ConfigError("--gui shows PyBullet's window: leave it out, or use --sim pybullet")
+    if gui and launcher is Launching.RAY:
+        raise ConfigError("--gui opens a window on this machine: leave it out, or use --launcher local")
+    if ray_address is not None and launcher is not Launching.RAY:
+        raise ConfigError("--ray-address goes with --launcher ray: add that, or leave the address out")
     address = None if metrics is None else listening_address(metrics, "--metrics")
     prefix = _checked_id(name or host_name(), "--name")
     bus = _bus(connect, tls_ca, tls_certificate, tls_key, compress)
@@ -148,19 +170,23 @@ def main(
     ]
     # What this machine cannot do is said here, once, and not by each process.
     config = None if spec is None else options[0].accept(spec.config)
-    if num > 1:
-        # Once, in one process: a fresh install compiles for a minute, and eight processes would do so all at once.
-        log.info("preparing the kernels")
-        network = [] if config is None else [config.network.model_dump_json()]
-        with Reaper() as reaper:
-            subprocess.run(
-                python_module("actors.warmup", *network),
-                env=process_environment(threads=1),
-                check=True,
-                process_group=reaper.group(),
-            )
-    log.info("starting %d %s for run %r: %s", num, "evaluators" if evaluate else "actors", run_name, ", ".join(names))
-    raise typer.Exit(Supervisor(options).run())
+    with closing(_launcher(launcher, ray_address)) as starter:
+        if num > 1:
+            starter.prepare(None if config is None else config.network.model_dump_json())
+        role = "evaluators" if evaluate else "actors"
+        log.info("starting %d %s for run %r: %s", num, role, run_name, ", ".join(names))
+        code = Supervisor(options, starter).run()
+    raise typer.Exit(code)
+
+
+def _launcher(kind: Launching, ray_address: str | None) -> Launcher:
+    if kind is Launching.RAY:
+        from actors.ray_launcher import RayLauncher
+
+        return RayLauncher(ray_address)
+    from actors.launching import LocalLauncher
+
+    return LocalLauncher()
 
 
 def free_names(prefix: str, count: int, taken: frozenset[str]) -> list[str]:

@@ -13,6 +13,8 @@ from tests.actors.learner_end import LearnerEnd, free_port
     [
         (["--gui", "--num", "2"], "--num 1"),
         (["--gui", "--sim", "grid"], "pybullet"),
+        (["--gui", "--launcher", "ray"], "--launcher local"),
+        (["--ray-address", "10.0.0.5:6379"], "--launcher ray"),
         (["--name", "Not a name"], "lower-case"),
         (["--tls-ca", "ca.pem"], "all three"),
         (["--connect", "nowhere"], "tcp/HOST:PORT"),
