@@ -36,7 +36,8 @@ def add_file_commands(app: typer.Typer) -> None:
 @command_errors
 def export(
     out: Annotated[
-        Path | None, typer.Option("--out", help="File to write; NAME.safetensors or NAME.onnx.", metavar="FILE")
+        str | None,
+        typer.Option("--out", help="File to write, or its URL; NAME.safetensors or NAME.onnx.", metavar="FILE"),
     ] = None,
     run: RunName = None,
     which: Annotated[str, typer.Option("--which", help="best, last, or the name of a checkpoint.")] = "best",
@@ -55,19 +56,23 @@ def export(
     - `hd-learner export --run office --which last --out policies/office-now.safetensors`
 
     - `hd-learner export --run office --format onnx` writes office.onnx for ONNX Runtime.
+
+    - `hd-learner export --run office --out s3://bucket/policies/office.safetensors`
     """
     from common.config import RunConfig
+    from common.system.remote_files import stored
     from learner.run.export import export_policy
 
     name = run or RunConfig().name
-    path = out or Path(f"{name}.{(kind or PolicyFormat.SAFETENSORS).value}")
-    if kind is not None and path.suffix != f".{kind.value}":
-        raise ConfigError(f"--format {kind.value} needs a file that ends in .{kind.value}, got {path.name!r}")
-    card = export_policy(runs / name, which, path)
+    place = out or f"{name}.{(kind or PolicyFormat.SAFETENSORS).value}"
+    if kind is not None and not place.endswith(f".{kind.value}"):
+        raise ConfigError(f"--format {kind.value} needs a file that ends in .{kind.value}, got {place!r}")
+    with stored(place) as path:
+        card = export_policy(runs / name, which, path)
     figures = "not evaluated"
     if card.evaluation is not None:
         figures = f"{card.evaluation['success']:.0%} complete, {card.evaluation['distance']:.1f} m in evaluation"
-    typer.echo(f"{path}: {card.task} policy, version {card.version}, {card.updates} updates, {figures}")
+    typer.echo(f"{place}: {card.task} policy, version {card.version}, {card.updates} updates, {figures}")
 
 
 @command_errors

@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from actors.cli_options import Fidelity
 from actors.evaluation.large.cli import app as large_app
-from actors.evaluation.options import ConfigFile, Label, Limit, Maps, Overrides, Start, Target, TaskName
+from actors.evaluation.options import ConfigFile, CopyTo, Label, Limit, Maps, Overrides, Start, Target, TaskName
 from actors.evaluation.progress import planner_list, run_and_show
 from actors.evaluation.results_cli import app as results_app
 from common.cli import (
@@ -70,6 +70,7 @@ def run(
     target: Target = None,
     limit: Limit = None,
     label: Label = None,
+    copy_to: CopyTo = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Processes; 0 for one per core.")] = 0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of planners and simulator.")] = 0,
     time_limit: Annotated[
@@ -122,7 +123,7 @@ def run(
     with Evaluation(settings, names, out, label=label, overwrite=overwrite) as evaluation:
         if warning := evaluation.limit_warning():
             console.print("[bold yellow]warning:[/]", escape(warning), emoji=False, highlight=False, soft_wrap=True)
-        crashed = run_and_show(evaluation, names, jobs, console)
+        crashed = run_and_show(evaluation, names, jobs, console, copy_to)
     if crashed:
         raise typer.Exit(EXIT_ERROR)
 

@@ -37,6 +37,10 @@ Label = Annotated[
     str | None,
     typer.Option("--label", metavar="NAME", help="Name of the one planner in the results. [default: its own]"),
 ]
+CopyTo = Annotated[
+    str | None,
+    typer.Option("--copy-to", metavar="URL", help="Copy the results to this folder too, such as s3://BUCKET/FOLDER."),
+]
 ConfigFile = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="TOML or JSON file with mapping, task and simulator settings."),
@@ -55,7 +59,7 @@ TaskName = Annotated[
     ),
 ]
 ResultsPaths = Annotated[
-    list[Path], typer.Argument(metavar="RESULTS...", help="Results files, or folders that hold them.")
+    list[str], typer.Argument(metavar="RESULTS...", help="Results files, or folders that hold them; URLs as well.")
 ]
 
 

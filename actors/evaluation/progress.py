@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from common.system.progress import Steps, tell_of_kernels
+from common.system.remote_files import RemoteFolder
 from common.system.signals import on_signals
 
 if TYPE_CHECKING:
@@ -22,7 +23,9 @@ def planner_list(given: Sequence[str]) -> list[str]:
     return [name for text in given for name in text.split(",") if name]
 
 
-def run_and_show(evaluation: Evaluation, planners: Sequence[str], jobs: int, console: Console) -> bool:
+def run_and_show(
+    evaluation: Evaluation, planners: Sequence[str], jobs: int, console: Console, copy_to: str | None = None
+) -> bool:
     """Run all episodes that are missing, with a bar for each planner; return whether episodes crashed.
 
     Args:
@@ -30,13 +33,16 @@ def run_and_show(evaluation: Evaluation, planners: Sequence[str], jobs: int, con
         planners: names of its planners.
         jobs: processes; 0 for one per core.
         console: where to show it.
+        copy_to: URL of a folder to which the results files are copied when all is done.
 
     Raises:
-        HDError: the processes cannot start, or the results cannot be written.
+        HDError: the processes cannot start, or the results cannot be written or copied.
         KeyboardInterrupt: on SIGINT or SIGTERM; the results hold what was done, and the console said how to continue.
     """
     tell_of_kernels(console, "common", "actors")
     rows = list(dict.fromkeys(planners))
+    # A wrong URL is said before the work.
+    copies = None if copy_to is None else RemoteFolder(copy_to)
     with Steps(console) as steps, termination_interrupts():
         for name in rows:
             steps.add(name, evaluation.worlds, evaluation.done(name))
@@ -55,7 +61,11 @@ def run_and_show(evaluation: Evaluation, planners: Sequence[str], jobs: int, con
             raise
     crashes = evaluation.crashes()
     for name in rows:
-        console.print(f"{evaluation.results_file(name)}: {evaluation.done(name)} episodes", highlight=False)
+        file = evaluation.results_file(name)
+        console.print(f"{file}: {evaluation.done(name)} episodes", highlight=False)
+        if copies is not None:
+            copies.put(file, file.name)
+            console.print(f"{copies.url}/{file.name}", highlight=False)
     for name, found in evaluation.incomplete().items():
         map_name, outcome = max(found, key=lambda entry: entry[1].unseen)
         console.print(

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from common.errors import HDError
 from common.ids import ID_PATTERN
+from common.system.remote_files import fetched
 from common.system.text_files import decode_text
 
 # Coordinates and distances are rounded to so many places: far below a cell, and files stay small.
@@ -201,8 +202,10 @@ def _unpacked(data: bytes) -> bytes:
     return found
 
 
-def collect_results(places: Sequence[Path]) -> list[Results]:
+def collect_results(places: Sequence[str | Path]) -> list[Results]:
     """Read results files, and all of those in folders, packed ones too; in the order given, those of a folder by name.
+
+    Each place is a path or a URL.
 
     Raises:
         ResultsError: there is none, a file is damaged, two have the same planner, or tasks and scales differ.
@@ -210,14 +213,18 @@ def collect_results(places: Sequence[Path]) -> list[Results]:
     return collect(places, read_results, "hd-eval run")
 
 
-def collect(places: Sequence[Path], read: Callable[[Path], A], command: str) -> list[A]:
+def collect(places: Sequence[str | Path], read: Callable[[Path], A], command: str) -> list[A]:
     """Read results of some kind, which a command makes. See `collect_results`."""
     files: list[Path] = []
-    for place in places:
-        files += sorted([*place.glob("*.json"), *place.glob("*.json.gz")]) if place.is_dir() else [place]
+    try:
+        with fetched(places, (".json", ".json.gz")) as local:
+            for place in local:
+                files += sorted([*place.glob("*.json"), *place.glob("*.json.gz")]) if place.is_dir() else [place]
+            found = [read(file) for file in files]
+    except FileNotFoundError as error:
+        raise ResultsError(f"there is no results file {error}: make one with '{command}'") from error
     if not files:
         raise ResultsError(f"there are no results files in {', '.join(map(str, places))}: make some with '{command}'")
-    found = [read(file) for file in files]
     first = found[0]
     for file, results in zip(files, found, strict=True):
         if (results.task, results.metres_per_pixel) != (first.task, first.metres_per_pixel):

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from common.errors import ConfigError, HDError
@@ -12,6 +15,63 @@ from common.system.extras import optional
 
 class RemoteError(HDError):
     """Storage at a URL cannot be reached, or refuses something."""
+
+
+def is_url(place: str) -> bool:
+    """Return whether a place is a URL and no path of this machine."""
+    return re.match(r"[a-z0-9+]+://", place) is not None
+
+
+@contextmanager
+def stored(place: str) -> Iterator[Path]:
+    """Give a path to write a file to; what lies beside it there counts as well.
+
+    Args:
+        place: a path, which is given as it is, or the URL that everything is copied to at the end of the `with`.
+
+    Raises:
+        ConfigError: see `RemoteFolder`.
+        RemoteError: the storage refuses the files.
+    """
+    if not is_url(place):
+        yield Path(place)
+        return
+    url, _, name = place.rpartition("/")
+    remote = RemoteFolder(url)
+    with TemporaryDirectory() as folder:
+        yield Path(folder) / name
+        for file in sorted(Path(folder).iterdir()):
+            remote.put(file, file.name)
+
+
+@contextmanager
+def fetched(places: Sequence[str | Path], suffixes: tuple[str, ...]) -> Iterator[list[Path]]:
+    """Give paths of files and folders that may lie at URLs; those are copied here for as long as the `with` lasts.
+
+    Args:
+        places: paths and URLs.
+        suffixes: how a URL of a file ends, and what is copied of a folder.
+
+    Raises:
+        ConfigError: see `RemoteFolder`.
+        FileNotFoundError: there is no such file.
+        RemoteError: the storage cannot be read.
+    """
+    with TemporaryDirectory() as temporary:
+        paths = []
+        for number, place in enumerate(map(str, places)):
+            if not is_url(place):
+                paths.append(Path(place))
+                continue
+            folder = Path(temporary) / str(number)
+            folder.mkdir()
+            url, _, name = place.rpartition("/") if place.endswith(suffixes) else (place, "", "")
+            remote = RemoteFolder(url)
+            for each in [name] if name else remote.names():
+                if each.endswith(suffixes):
+                    (folder / each).write_bytes(remote.get(each))
+            paths.append(folder / name if name else folder)
+        yield paths
 
 
 class RemoteFolder:
@@ -25,7 +85,7 @@ class RemoteFolder:
     """
 
     def __init__(self, url: str) -> None:
-        if not re.match(r"[a-z0-9+]+://", url):
+        if not is_url(url):
             raise ConfigError(f"expected a URL such as s3://bucket/runs or file:///mnt/runs, got {url!r}")
         with optional(f"storage at {url}", "storage"):
             import fsspec

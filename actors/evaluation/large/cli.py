@@ -9,7 +9,16 @@ from typing import Annotated
 
 import typer
 
-from actors.evaluation.options import ConfigFile, Label, Overrides, ResultsPaths, TableFormat, TaskName, write_text
+from actors.evaluation.options import (
+    ConfigFile,
+    CopyTo,
+    Label,
+    Overrides,
+    ResultsPaths,
+    TableFormat,
+    TaskName,
+    write_text,
+)
 from actors.evaluation.progress import planner_list, run_and_show
 from common.cli import EXIT_ERROR, command_errors, message_console
 from common.system.logs import setup_logging
@@ -56,6 +65,7 @@ def large(
         Path | None, typer.Option("--policy", metavar="FILE", help="Policy (.safetensors) of the planner `hdplanner`.")
     ] = None,
     label: Label = None,
+    copy_to: CopyTo = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Processes; 0 for one per core.")] = 0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of planners, simulator and tours.")] = 0,
     time_limit: Annotated[
@@ -105,7 +115,7 @@ def large(
     )
     names = planner_list(planner)
     with Evaluation(settings, names, out, label=label, overwrite=overwrite) as evaluation:
-        crashed = run_and_show(evaluation, names, jobs, console)
+        crashed = run_and_show(evaluation, names, jobs, console, copy_to)
     if crashed:
         raise typer.Exit(EXIT_ERROR)
 

@@ -178,7 +178,7 @@ def read_large_results(path: Path) -> LargeResults:
     return read_record(path, LargeResults, "hd-eval large")
 
 
-def collect_large_results(places: Sequence[Path]) -> list[LargeResults]:
+def collect_large_results(places: Sequence[str | Path]) -> list[LargeResults]:
     """Read results files, and all of those in folders; in the order given, those of a folder by name.
 
     Raises:

@@ -25,7 +25,9 @@ def call(*arguments):
 def folder(tmp_path_factory):
     """Results of two planners on two small worlds, made by the command itself."""
     out = tmp_path_factory.mktemp("results")
-    result = call("run", "--planner", "greedy,nearest", *WHERE, "--jobs", "1", "--out", out)
+    result = call(
+        "run", "--planner", "greedy,nearest", *WHERE, "--jobs", "1", "--out", out, "--copy-to", f"file://{out}/copies"
+    )
     assert result.exit_code == 0, result.output
     assert "greedy.json: 2 episodes" in result.output.replace("\n", "")
     return out
@@ -38,6 +40,19 @@ def test_the_table_compares(folder):
     assert lines[0].startswith("| planner | maps | mean [m]")
     assert lines[2].startswith("| greedy | 2 |")
     assert "paired by map with nearest" in result.output
+
+
+def test_results_at_a_url_are_read_like_those_of_this_machine(folder, tmp_path):
+    here = call("table", folder).output
+    assert call("table", f"file://{folder}/copies").output == here
+    assert call("table", f"file://{folder}/copies/greedy.json", folder / "nearest.json").output == here
+    for place, word in ((f"file://{tmp_path}", "there are no results files"), ("nowhere://x", "fsspec knows")):
+        result = call("table", place)
+        assert result.exit_code == 1
+        assert word in " ".join(result.output.split())
+    result = call("table", f"file://{tmp_path}/gone.json")
+    assert result.exit_code == 1
+    assert "make one with 'hd-eval run'" in " ".join(result.output.split())
 
 
 def test_a_replay_agrees_and_finds_a_changed_figure(folder, tmp_path):
