@@ -12,6 +12,7 @@ from common.network.reduction import kept_rows, renumbered
 from common.observations.features import (
     DISTANCE_SCALE,
     FEATURE_NAMES,
+    FeatureSet,
     computed_set,
     feature_columns,
     feature_count,
@@ -19,7 +20,7 @@ from common.observations.features import (
 )
 from common.observations.index import EXTRA_SLOTS, LINK_SLOT, neighbour_table
 from common.observations.observation import ObservationBatch
-from common.observations.paths import paths_toward
+from common.observations.paths import paths_toward, robot_paths
 from common.system.jit import njit
 
 _TARGET = FEATURE_NAMES["paper"].index("target")
@@ -92,11 +93,14 @@ class GraphArrays:
         neighbours, node_ptr = table.rows, table.node_ptr
         robot_rows = node_ptr[:-1] + batch.robot
         nodes = np.arange(len(neighbours)) - np.repeat(node_ptr[:-1], np.diff(node_ptr))
-        toward = (
-            paths_toward(table.rows, table.lengths, node_ptr, batch.robot, batch.has_target) if config.toward else None
-        )
-        if config.graph != "full":
-            features = node_features(batch, table, "guided" if config.features == "guided" else "extended")
+        reduced = config.graph != "full"
+        read: FeatureSet = computed_set(config.features)
+        if reduced and read == "paper":
+            read = "extended"
+        paths = robot_paths(batch, table) if config.toward or read != "paper" else None
+        toward = paths_toward(batch, table, paths) if config.toward and paths is not None else None
+        features = node_features(batch, table, read, paths)
+        if reduced:
             kept = kept_rows(features, neighbours, robot_rows, node_ptr, tokens=config.graph == "tokens")
             place = np.where(kept, np.cumsum(kept) - 1, -1)
             neighbours = renumbered(neighbours, kept, place)
@@ -104,8 +108,6 @@ class GraphArrays:
             node_ptr = np.append(0, np.cumsum(kept))[node_ptr]
             nodes, robot_rows = nodes[kept], place[robot_rows]
             toward = toward[kept] if toward is not None else None
-        else:
-            features = node_features(batch, table, computed_set(config.features))
         if config.hierarchical:
             beacon_rows = np.flatnonzero(features[:, _BEACON] > 0.0)
             beacon_ptr = np.searchsorted(beacon_rows, node_ptr)

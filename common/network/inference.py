@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.config import NetworkConfig
-from common.network.cross_kernels import cross_kernels
 from common.network.edge_kernels import edge_kernels
 from common.network.graph_arrays import GraphArrays
 from common.network.image_inference import ImageInference
@@ -61,7 +60,6 @@ class GraphInference:
         }
         head = config.width // config.heads
         self._edge_attention, _ = edge_kernels(head)
-        self._cross_attention, _ = cross_kernels(head)
         self._buffers: dict[str, Array] = {}
 
     def __call__(self, graph: GraphArrays) -> tuple[Array, Array]:
@@ -120,20 +118,27 @@ class GraphInference:
         return normed
 
     def _decode(self, decoder: str, queries: Array, nodes: Array) -> Array:
-        """Run the decoder layer for a few queries, which it overwrites."""
+        """Run the decoder layer for a few queries, which it overwrites.
+
+        There are far more nodes than queries, so the weights of keys and values go to the queries' side of the
+        products: q (n K)^T = (q K^T) n^T, and w (n V) = (w n) V.
+        """
         weights, name = self._weights, f"{decoder}.decoder"
-        normed, mixed, nothing = np.empty_like(queries), np.empty_like(queries), np.zeros_like(queries)
+        count, width, heads = len(queries), self.config.width, self.config.heads
+        normed, nothing = np.empty_like(queries), np.zeros_like(queries)
         no_bias: Array = nothing[0]
         _add_and_norm(queries, nothing, no_bias, *self._norm(f"{name}.attention_norm"), normed)
-        asking = normed @ weights[f"{name}.attention.query.weight"]
-        kv = self._buffer("qkv", len(nodes), 2 * self.config.width)
-        np.matmul(nodes, weights[f"{name}.attention.kv.weight"], out=kv)
-        block = len(nodes) * self.config.heads
-        query_ptr = np.array([0, len(queries)])
-        node_ptr = np.array([0, len(nodes)])
-        weight_ptr = np.arange(len(queries) + 1) * block
-        shares = self._buffer("cross", len(queries), block).reshape(-1)
-        self._cross_attention(asking, query_ptr, kv, node_ptr, weight_ptr, mixed, shares, 0, 1)
+        asking = normed @ weights[f"{name}.attention.query.weight"] / np.float32(math.sqrt(width // heads))
+        asking = asking.reshape(count, heads, -1)
+        kv = weights[f"{name}.attention.kv.weight"].reshape(width, 2, heads, -1)
+        asking = np.matmul(asking.transpose(1, 0, 2), kv[:, 0].transpose(1, 2, 0))  # (heads, queries, d)
+        shares = self._buffer("cross", heads * count, len(nodes))
+        np.matmul(asking.reshape(-1, width), nodes.T, out=shares)
+        shares -= shares.max(axis=1, keepdims=True)
+        np.exp(shares, out=shares)
+        mixed = shares @ nodes / shares.sum(axis=1, keepdims=True)
+        mixed = np.matmul(mixed.reshape(heads, count, width), kv[:, 1].transpose(1, 0, 2))
+        mixed = np.ascontiguousarray(mixed.transpose(1, 0, 2)).reshape(count, width)
         change = mixed @ weights[f"{name}.attention.out.weight"]
         bias = weights[f"{name}.attention.out.bias"]
         _add_and_norm(queries, change, bias, *self._norm(f"{name}.feedforward_norm"), normed)

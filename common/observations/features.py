@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from common.observations.index import EXTRA_SLOTS, NeighbourTable
 from common.observations.observation import NEIGHBOUR_COUNT, STEP_UNITS, ObservationBatch
-from common.observations.paths import TIE, shortest_paths
+from common.observations.paths import TIE, RobotPaths, shortest_paths
 from common.system.jit import njit
 
 FeatureSet = Literal["paper", "extended", "guided", "ariadne", "ca"]
@@ -76,7 +76,9 @@ def feature_columns(features: FeatureSet) -> list[int]:
     return [computed.index(name) for name in FEATURE_NAMES[features]]
 
 
-def node_features(batch: ObservationBatch, table: NeighbourTable, features: FeatureSet) -> NDArray[np.float32]:
+def node_features(
+    batch: ObservationBatch, table: NeighbourTable, features: FeatureSet, paths: RobotPaths | None
+) -> NDArray[np.float32]:
     """Compute the features of all nodes, the targets included.
 
     Every value is bounded. Distances are in lattice steps; *graph* distances run along edges and never lead through
@@ -115,12 +117,16 @@ def node_features(batch: ObservationBatch, table: NeighbourTable, features: Feat
         batch: k observations.
         table: their neighbours.
         features: which set; one of its own (see `computed_set`).
+        paths: from the robots; the set ``paper`` needs none.
 
     Returns:
         float32, shape (nodes, F).
+
+    Raises:
+        ValueError: the set needs paths, and there are none.
     """
     out = np.zeros((len(table.rows), feature_count(features)), dtype=np.float32)
-    _fill_features(
+    _fill_plain(
         batch.count,
         batch.offsets,
         batch.utility,
@@ -130,10 +136,24 @@ def node_features(batch: ObservationBatch, table: NeighbourTable, features: Feat
         batch.has_target,
         batch.target_known,
         batch.target_offset,
+        table.node_ptr,
+        out,
+    )
+    if features == "paper":
+        return out
+    if paths is None:
+        raise ValueError(f"the features {features!r} need the paths from the robots: pass those of `robot_paths`")
+    _fill_extended(
+        batch.count,
+        batch.utility,
+        batch.has_target,
         table.rows,
         table.lengths,
+        table.extremes,
         table.node_ptr,
-        features != "paper",
+        paths.distance,
+        paths.order,
+        paths.reached,
         out,
     )
     if features == "guided":
@@ -153,7 +173,7 @@ def node_features(batch: ObservationBatch, table: NeighbourTable, features: Feat
 
 
 @njit(cache=True, nogil=True)
-def _fill_features(
+def _fill_plain(
     count: NDArray[np.int32],
     offsets: NDArray[np.int16],
     utility: NDArray[np.uint16],
@@ -163,12 +183,10 @@ def _fill_features(
     has_target: NDArray[np.bool_],
     target_known: NDArray[np.bool_],
     target_offset: NDArray[np.float32],
-    neighbours: NDArray[np.int32],
-    lengths: NDArray[np.float64],
     node_ptr: NDArray[np.int64],
-    extended: bool,
     out: NDArray[np.float32],
 ) -> None:
+    """Fill columns 0 to 9."""
     view = 0
     for g in range(len(count)):
         first, last = node_ptr[g], node_ptr[g + 1]
@@ -179,7 +197,8 @@ def _fill_features(
             x[i] = offsets[view + i, 0] / STEP_UNITS
             y[i] = offsets[view + i, 1] / STEP_UNITS
             row = out[first + i]
-            row[2] = math.log1p(utility[view + i]) / 4.0
+            if utility[view + i] > 0:
+                row[2] = math.log1p(utility[view + i]) / 4.0
             row[3] = visited[view + i]
             row[4] = beacon[view + i]
         out[first + robot[g], 5] = 1.0
@@ -199,71 +218,89 @@ def _fill_features(
                     row[7] = dx / distance
                     row[8] = dy / distance
                 row[9] = min(distance / DISTANCE_SCALE, _LIMIT)
-        if extended:
-            _fill_extended(
-                n,
-                first,
-                robot[g],
-                utility[view : view + n],
-                has_target[g],
-                neighbours[first:last],
-                lengths[first:last],
-                out,
-            )
         view += n
 
 
 @njit(cache=True, nogil=True)
 def _fill_extended(
-    n: int,
-    first: int,
-    robot: int,
+    count: NDArray[np.int32],
     utility: NDArray[np.uint16],
-    has_target: bool,
+    has_target: NDArray[np.bool_],
     neighbours: NDArray[np.int32],
     lengths: NDArray[np.float64],
+    extremes: NDArray[np.float64],
+    node_ptr: NDArray[np.int64],
+    from_robot: NDArray[np.float64],
+    orders: NDArray[np.int64],
+    reached: NDArray[np.int64],
     out: NDArray[np.float32],
 ) -> None:
-    """Fill columns 10 to 14 of one observation, whose nodes start at row ``first``."""
+    """Fill columns 10 to 14."""
+    view = 0
+    for g in range(len(count)):
+        n, first, last = count[g], node_ptr[g], node_ptr[g + 1]
+        _fill_distances(
+            utility[view : view + n],
+            n if has_target[g] else -1,
+            first,
+            neighbours[first:last],
+            lengths[first:last],
+            extremes[g],
+            from_robot[first:last],
+            orders[first : first + reached[g]],
+            out[first:last],
+        )
+        view += n
+
+
+@njit(cache=True, nogil=True)
+def _fill_distances(
+    utility: NDArray[np.uint16],
+    target: int,
+    first: int,
+    neighbours: NDArray[np.int32],
+    lengths: NDArray[np.float64],
+    extremes: NDArray[np.float64],
+    from_robot: NDArray[np.float64],
+    order: NDArray[np.int64],
+    out: NDArray[np.float32],
+) -> None:
+    """Fill columns 10 to 14 of one observation, whose nodes start at row ``first`` of the table; target -1 is none."""
     nodes, slots = neighbours.shape
-    target = n if has_target else -1
+    found = np.empty(nodes, dtype=np.int64)
     distance = np.full(nodes, np.inf)
-    distance[robot] = 0.0
-    order = shortest_paths(neighbours, lengths, first, target, distance)
-    useful = np.full(nodes, np.inf)
-    for i in range(n):
+    for i in range(len(utility)):
         if utility[i] > 0:
-            useful[i] = 0.0
-    shortest_paths(neighbours, lengths, first, target, useful)
+            distance[i] = 0.0
+    shortest_paths(neighbours, lengths, extremes, first, target, distance, found)
     for i in range(nodes):
-        row = out[first + i]
+        row = out[i]
         degree = 0
         for slot in range(slots - EXTRA_SLOTS):
             degree += neighbours[i, slot] >= 0
-        row[10] = min(distance[i] / DISTANCE_SCALE, _LIMIT)
+        row[10] = min(from_robot[i] / DISTANCE_SCALE, _LIMIT)
         row[11] = min(degree / NEIGHBOUR_COUNT, _DEGREE_LIMIT)
-        row[12] = min(useful[i] / DISTANCE_SCALE, _LIMIT)
-        row[13] = row[4] > 0.0 and distance[i] < np.inf
+        row[12] = min(distance[i] / DISTANCE_SCALE, _LIMIT)
+        row[13] = row[4] > 0.0 and from_robot[i] < np.inf
     # From the farthest node inwards, each marked node marks all its predecessors on shortest paths.
-    for position in range(len(order) - 1, -1, -1):
-        j = order[position]
-        if out[first + j, 13] > 0.0:
+    for j in order[::-1]:
+        if out[j, 13] > 0.0:
             for slot in range(slots):
                 i = neighbours[j, slot] - first
                 if i < 0 or i in (j, target):
                     continue
-                if abs(distance[i] + lengths[j, slot] - distance[j]) < TIE:
-                    out[first + i, 13] = 1.0
-    if has_target:
+                if abs(from_robot[i] + lengths[j, slot] - from_robot[j]) < TIE:
+                    out[i, 13] = 1.0
+    if target >= 0:
         distance[:] = np.inf
         for slot in range(slots - EXTRA_SLOTS):
             i = neighbours[target, slot] - first
             if i >= 0:
                 distance[i] = lengths[target, slot]
-        shortest_paths(neighbours, lengths, first, target, distance)
+        shortest_paths(neighbours, lengths, extremes, first, target, distance, found)
         distance[target] = 0.0
         for i in range(nodes):
-            out[first + i, 14] = min(distance[i] / DISTANCE_SCALE, _LIMIT)
+            out[i, 14] = min(distance[i] / DISTANCE_SCALE, _LIMIT)
 
 
 @njit(cache=True, nogil=True)

@@ -28,11 +28,13 @@ class NeighbourTable:
         rows: batch-global row of each neighbour, -1 where absent, int32, shape (nodes, W + 2).
         lengths: length of the way there in lattice steps, 0 where absent, float64, shape (nodes, W + 2).
         node_ptr: first row of each observation, then the number of rows, int64, shape (k + 1,).
+        extremes: shortest and longest way of each observation, inf and 0 where it has none, float64, shape (k, 2).
     """
 
     rows: NDArray[np.int32]
     lengths: NDArray[np.float64]
     node_ptr: NDArray[np.int64]
+    extremes: NDArray[np.float64]
 
 
 def neighbour_table(batch: ObservationBatch) -> NeighbourTable:
@@ -43,6 +45,7 @@ def neighbour_table(batch: ObservationBatch) -> NeighbourTable:
     shape = (int(node_ptr[-1]), max(most, NEIGHBOUR_COUNT) + EXTRA_SLOTS)
     rows = np.full(shape, -1, dtype=np.int32)
     lengths = np.zeros(shape)
+    extremes = np.empty((len(batch), 2))
     _fill_edges(
         batch.count,
         batch.offsets,
@@ -54,6 +57,7 @@ def neighbour_table(batch: ObservationBatch) -> NeighbourTable:
         node_ptr,
         rows,
         lengths,
+        extremes,
     )
     _fill_links(
         batch.count,
@@ -65,8 +69,9 @@ def neighbour_table(batch: ObservationBatch) -> NeighbourTable:
         node_ptr,
         rows,
         lengths,
+        extremes,
     )
-    return NeighbourTable(rows, lengths, node_ptr)
+    return NeighbourTable(rows, lengths, node_ptr, extremes)
 
 
 def waypoint_counts(batch: ObservationBatch) -> NDArray[np.int32]:
@@ -119,38 +124,47 @@ def _fill_edges(
     node_ptr: NDArray[np.int64],
     rows: NDArray[np.int32],
     lengths: NDArray[np.float64],
+    extremes: NDArray[np.float64],
 ) -> None:
     """Write every edge into the rows of both its ends.
 
     A viewpoint's lower neighbours come before it in the sweep, in ascending order, so each row ends up ascending.
+    Places are unsigned: numba would ask of signed ones whether they count from the end, at twice the time of it all.
     """
     view = 0
     edge = 0
     b = 0
     for g in range(len(count)):
-        first = node_ptr[g]
-        first_edge = edge
+        n, first, first_edge = count[g], node_ptr[g], edge
+        places = offsets[view : view + n]
+        own_rows, own_lengths = rows[first : first + n], lengths[first : first + n]
         last_bent = b + bent_count[g]
-        filled = np.zeros(count[g], dtype=np.int32)
-        for i in range(count[g]):
-            rows[first + i, SELF_SLOT] = first + i
-            x, y = np.int64(offsets[view + i, 0]), np.int64(offsets[view + i, 1])
-            for e in range(edge, edge + degree[view + i]):
-                j = np.int64(neighbours[e])
-                if b < last_bent and bent[b] == e - first_edge:
+        next_bent = np.int64(bent[b]) if b < last_bent else np.int64(-1)
+        filled = np.zeros(n, dtype=np.uint32)
+        shortest, longest = np.inf, 0.0
+        for node in range(n):
+            i = np.uint64(node)
+            own_rows[i, SELF_SLOT] = first + node
+            x, y = np.int64(places[i, 0]), np.int64(places[i, 1])
+            for e in range(edge, edge + degree[view + node]):
+                j = np.uint64(neighbours[np.uint64(e)])
+                if e - first_edge == next_bent:
                     length = float(bent_length[b])
                     b += 1
+                    next_bent = np.int64(bent[b]) if b < last_bent else np.int64(-1)
                 else:
-                    dx, dy = offsets[view + j, 0] - x, offsets[view + j, 1] - y
-                    length = math.sqrt(dx * dx + dy * dy) / STEP_UNITS
-                rows[first + i, filled[i]] = first + j
-                lengths[first + i, filled[i]] = length
-                rows[first + j, filled[j]] = first + i
-                lengths[first + j, filled[j]] = length
-                filled[i] += 1
-                filled[j] += 1
-            edge += degree[view + i]
-        view += count[g]
+                    dx, dy = np.int64(places[j, 0]) - x, np.int64(places[j, 1]) - y
+                    length = math.sqrt(float(dx * dx + dy * dy)) / STEP_UNITS
+                shortest, longest = min(shortest, length), max(longest, length)
+                for here, there in ((i, j), (j, i)):
+                    slot = np.uint64(filled[here])
+                    own_rows[here, slot] = first + np.int64(there)
+                    own_lengths[here, slot] = length
+                    filled[here] = slot + np.uint64(1)
+            edge += degree[view + node]
+        extremes[g, 0] = shortest
+        extremes[g, 1] = longest
+        view += n
 
 
 @njit(cache=True, nogil=True)
@@ -164,6 +178,7 @@ def _fill_links(
     node_ptr: NDArray[np.int64],
     rows: NDArray[np.int32],
     lengths: NDArray[np.float64],
+    extremes: NDArray[np.float64],
 ) -> None:
     view = 0
     link = 0
@@ -178,7 +193,10 @@ def _fill_links(
                 dy = offsets[view + i, 1] / STEP_UNITS - target_offset[g, 1]
                 rows[target, slot] = first + i
                 rows[first + i, LINK_SLOT] = target
-                lengths[target, slot] = lengths[first + i, LINK_SLOT] = math.hypot(dx, dy)
+                length = math.hypot(dx, dy)
+                lengths[target, slot] = lengths[first + i, LINK_SLOT] = length
+                extremes[g, 0] = min(extremes[g, 0], length)
+                extremes[g, 1] = max(extremes[g, 1], length)
         view += count[g]
         link += link_count[g]
 

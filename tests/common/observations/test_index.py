@@ -30,6 +30,7 @@ def test_the_table_says_who_is_beside_whom_and_how_far(one, other):
     for k, observation in enumerate((one, other, one)):
         first = int(table.node_ptr[k])
         expected = edges_of(observation)
+        np.testing.assert_allclose(table.extremes[k], [min(expected.values()), max(expected.values())], rtol=1e-6)
         for i in range(observation.nodes):
             row, lengths = table.rows[first + i], table.lengths[first + i]
             assert row[SELF_SLOT] == first + i
