@@ -8,6 +8,7 @@ does not know (duplicate names, foreign extensions, trailing bytes) and names th
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Mapping
 from typing import Any
@@ -139,6 +140,7 @@ _LENGTHS = {
     0xDE: ("map", 2),
     0xDF: ("map", 4),
 }
+_SHAPES = tuple(struct.Struct(f"<{dimensions}I") for dimensions in range(MAX_DIMENSIONS + 1))
 _FIXED_EXTENSIONS = {0xD4: 1, 0xD5: 2, 0xD6: 4, 0xD7: 8, 0xD8: 16}
 
 
@@ -159,6 +161,16 @@ class _Reader:
         tag = self.byte(path)
         if tag < 0x80:
             return tag
+        if tag in _LENGTHS:
+            what, width = _LENGTHS[tag]
+            length = int.from_bytes(self.take(width, path), "big")
+            if what == "extension":
+                return self.extension(length, path)
+            if what == "text":
+                return self.text(length, path, MAX_TEXT)
+            if what == "map":
+                return self.map(length, path, depth)
+            return self.take(length, path)
         if tag >= 0xE0:
             return tag - 0x100
         if tag < 0x90:
@@ -172,22 +184,13 @@ class _Reader:
             return number.unpack(self.take(number.size, path))[0]
         if tag in _FIXED_EXTENSIONS:
             return self.extension(_FIXED_EXTENSIONS[tag], path)
-        if tag not in _LENGTHS:
-            raise MessageError(path, f"has tag 0x{tag:02x}, which is no part of the protocol")
-        what, width = _LENGTHS[tag]
-        length = int.from_bytes(self.take(width, path), "big")
-        if what == "map":
-            return self.map(length, path, depth)
-        if what == "text":
-            return self.text(length, path, MAX_TEXT)
-        if what == "extension":
-            return self.extension(length, path)
-        return self.take(length, path)
+        raise MessageError(path, f"has tag 0x{tag:02x}, which is no part of the protocol")
 
     def byte(self, path: str) -> int:
-        if self.position >= len(self.data):
-            raise MessageError(path, "needs 1 bytes, but only 0 are left")
-        value = self.data[self.position]
+        try:
+            value = self.data[self.position]
+        except IndexError:
+            raise MessageError(path, "needs 1 bytes, but only 0 are left") from None
         self.position += 1
         return value
 
@@ -247,11 +250,9 @@ class _Reader:
         start = first + 2 + 4 * dimensions
         if start > payload_end:
             raise MessageError(path, f"ends within its {dimensions} dimensions")
-        shape = struct.unpack_from(f"<{dimensions}I", self.data, first + 2)
+        shape = _SHAPES[dimensions].unpack_from(self.data, first + 2)
         dtype = DTYPES[code]
-        size = 1
-        for dimension in shape:
-            size *= dimension
+        size = math.prod(shape)
         if size * dtype.itemsize != payload_end - start:
             raise MessageError(
                 path,
@@ -262,8 +263,8 @@ class _Reader:
         if size == 0 and any(dimension > MAX_TEXT for dimension in shape):
             raise MessageError(path, f"has no elements, yet the shape {shape}")
         if code == 0 and size:
-            highest = int(np.frombuffer(self.data, np.uint8, size, start).max())
+            highest = np.maximum.reduce(np.frombuffer(self.data, np.uint8, size, start))
             if highest > 1:
                 raise MessageError(path, f"must hold booleans as 0 or 1, got {highest}")
         # A copy: aligned, writable, of native byte order, and it does not keep the whole message alive.
-        return np.frombuffer(self.data, dtype, size, start).reshape(shape).astype(_NATIVE[code])
+        return np.ndarray(shape, dtype, self.data, start).astype(_NATIVE[code])

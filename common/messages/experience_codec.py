@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from common.messages.experience import MIN_PROBABILITY, Chunk, Delivery, End, EpisodeReport, ExpertLabels
 from common.messages.fields import MAX_INCARNATION, MAX_SAFE_INTEGER, Fields
-from common.messages.validation import check_choices, check_observations
+from common.messages.validation import check_choices, check_observations, first_outside
 from common.observations.observation import IMAGE_SIDE, IMAGES, ObservationBatch
 
 MAX_STEPS = 256
@@ -91,13 +91,13 @@ def _read_chunk(fields: Fields) -> Chunk:
     beacons = fields.array("beacons", np.int32, (k,))
     waypoints = fields.array("waypoints", np.int32, (k,))
     versions = fields.array("versions", np.int64, (k,))
-    if versions.min() < -1 or versions.max() > MAX_SAFE_INTEGER:
+    if first_outside(versions, -1, MAX_SAFE_INTEGER) >= 0:
         fields.fail(
             "versions", f"must be from -1 to {MAX_SAFE_INTEGER}, got {int(versions.min())} to {int(versions.max())}"
         )
     probabilities = fields.array("probabilities", np.float32, (k,))
     _check_range(fields, "probabilities", probabilities, 1.0)
-    if ((probabilities > 0.0) & (probabilities < MIN_PROBABILITY)).any():
+    if first_outside(probabilities[probabilities != 0.0], MIN_PROBABILITY, 1.0) >= 0:
         fields.fail("probabilities", f"must be 0 where no policy drew, and at least {MIN_PROBABILITY:g} elsewhere")
     columns = fields.fields("observations")
     observations = _read_observations(columns, k + (end is not End.NONE))
@@ -161,9 +161,8 @@ def _read_labels(fields: Fields, k: int) -> ExpertLabels:
 
 def _check_range(fields: Fields, name: str, values: NDArray[np.float32], largest: float, smallest: float = 0.0) -> None:
     """Raise MessageError unless all numbers are from ``smallest`` to ``largest``; NaN is not."""
-    wrong = ~((values >= smallest) & (values <= largest))
-    if wrong.any():
-        place = int(wrong.argmax())
+    place = first_outside(values, smallest, largest)
+    if place >= 0:
         fields.fail(name, f"must be from {smallest:g} to {largest:g}, got {float(values[place]):g} at place {place}")
 
 

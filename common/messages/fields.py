@@ -136,10 +136,10 @@ class Fields:
         value = self._take(name)
         if not isinstance(value, np.ndarray):
             self.fail(name, f"must be an array, {_show_array(dtype, shape)}, got {_show(value)}")
-        fits = len(value.shape) == len(shape) and all(
-            want is None or want == have for want, have in zip(shape, value.shape, strict=True)
-        )
-        if value.dtype != dtype or not fits:
+        fits = value.dtype.type is dtype and value.ndim == len(shape)
+        for want, have in zip(shape, value.shape, strict=False):
+            fits = fits and (want is None or want == have)
+        if not fits:
             self.fail(name, f"must be {_show_array(dtype, shape)}, got {_show_array(value.dtype, value.shape)}")
         return value
 

@@ -13,6 +13,7 @@ from common.observations.index import waypoint_counts
 from common.observations.observation import (
     MAX_DEGREE,
     MAX_EDGE_LENGTH,
+    MAX_EDGES,
     MAX_OFFSET,
     MAX_ROUTE,
     MAX_TARGET_LINKS,
@@ -66,6 +67,12 @@ _TARGET_BOUND = 2 * MAX_OFFSET
 _LENGTH_TOLERANCE = 1.5 / STEP_UNITS
 
 
+def first_outside(values: NDArray[Any], smallest: float, largest: float) -> int:
+    """Return the place of the first number that is not from ``smallest`` to ``largest``, -1 without one; NaN is not."""
+    kind = values.dtype.type
+    return _first_outside(values, kind(smallest), kind(largest))
+
+
 def check_observations(batch: ObservationBatch, path: str) -> None:
     """Check that every observation of a batch is what `common.observations.observation` describes.
 
@@ -78,25 +85,21 @@ def check_observations(batch: ObservationBatch, path: str) -> None:
     Raises:
         MessageError: naming the field, the observation and the viewpoint.
     """
-    count = batch.count
-    if len(count) == 0 or int(count.min()) < 1 or int(count.max()) > MAX_VIEWPOINTS:
-        raise MessageError(f"{path}.count", f"must hold at least one number from 1 to {MAX_VIEWPOINTS}")
-    if int(batch.link_count.max()) > MAX_TARGET_LINKS:
-        raise MessageError(f"{path}.link_count", f"must hold numbers from 0 to {MAX_TARGET_LINKS}")
-    if int(batch.route_count.max()) > MAX_ROUTE:
-        raise MessageError(f"{path}.route_count", f"must hold numbers from 0 to {MAX_ROUTE}")
-    for name, what, came in (
-        ("count", "viewpoints", len(batch.utility)),
-        ("edge_count", "neighbours", len(batch.neighbours)),
-        ("bent_count", "bent edges", len(batch.bent)),
-        ("link_count", "links", len(batch.target_links)),
-        ("route_count", "viewpoints on routes", len(batch.route)),
+    for name, what, came, fewest, most in (
+        ("count", "viewpoints", batch.utility, 1, MAX_VIEWPOINTS),
+        ("edge_count", "neighbours", batch.neighbours, 0, MAX_EDGES),
+        ("bent_count", "bent edges", batch.bent, 0, MAX_EDGES),
+        ("link_count", "links", batch.target_links, 0, MAX_TARGET_LINKS),
+        ("route_count", "viewpoints on routes", batch.route, 0, MAX_ROUTE),
     ):
         counts: NDArray[np.int32] = getattr(batch, name)
-        if int(counts.min()) < 0 or int(counts.sum(dtype=np.int64)) != came:
-            raise MessageError(f"{path}.{name}", f"must be at least 0 and add up to the {came} {what} that came")
+        total = _total(counts, fewest, most)
+        if total < 0 or len(counts) == 0:
+            raise MessageError(f"{path}.{name}", f"must hold at least one number from {fewest} to {most}, and no other")
+        if total != len(came):
+            raise MessageError(f"{path}.{name}", f"must add up to the {len(came)} {what} that came")
     code, step, place = _sweep(
-        (count, batch.offsets, batch.robot),
+        (batch.count, batch.offsets, batch.robot),
         (batch.degree, batch.edge_count, batch.neighbours),
         (batch.bent_count, batch.bent, batch.bent_length),
         (batch.has_target, batch.target_known, batch.target_offset, batch.link_count, batch.target_links),
@@ -158,7 +161,7 @@ def _sweep(graphs, edges, ways, targets, routes) -> Any:  # type: ignore[no-unty
     bent_count, bent, bent_length = ways
     has_target, target_known, target_offset, link_count, target_links = targets
     cell, reach, route_count, route = routes
-    neighbours_in_all = np.empty(count.max(), dtype=np.int32)
+    all_degrees = np.empty(count.max(), dtype=np.int32)
     first = 0
     edge = 0
     way = 0
@@ -166,17 +169,18 @@ def _sweep(graphs, edges, ways, targets, routes) -> Any:  # type: ignore[no-unty
     on_route = 0
     for step in range(len(count)):
         n = count[step]
+        places, higher = offsets[first : first + n], degree[first : first + n]
         degrees = 0
         for i in range(n):
-            if abs(np.int64(offsets[first + i, 0])) > _LARGEST_OFFSET:
+            if abs(np.int64(places[i, 0])) > _LARGEST_OFFSET:
                 return 1, step, i
-            if abs(np.int64(offsets[first + i, 1])) > _LARGEST_OFFSET:
+            if abs(np.int64(places[i, 1])) > _LARGEST_OFFSET:
                 return 1, step, i
-            degrees += degree[first + i]
-            neighbours_in_all[i] = degree[first + i]
+            degrees += higher[i]
+            all_degrees[i] = higher[i]
         if robot[step] < 0 or robot[step] >= n:
             return 2, step, 0
-        if offsets[first + robot[step], 0] != 0 or offsets[first + robot[step], 1] != 0:
+        if places[robot[step], 0] != 0 or places[robot[step], 1] != 0:
             return 3, step, 0
         if degrees != edge_count[step]:
             return 4, step, 0
@@ -188,28 +192,30 @@ def _sweep(graphs, edges, ways, targets, routes) -> Any:  # type: ignore[no-unty
         first_edge = edge
         first_way = way
         last_way = way + bent_count[step]
+        next_bent = np.int64(bent[way]) if way < last_way else np.int64(-1)
         for i in range(n):
             lower = np.int64(i)
-            for e in range(edge, edge + degree[first + i]):
-                j = np.int64(neighbours[e])
+            for e in range(edge, edge + higher[i]):
+                j = np.int64(neighbours[np.uint64(e)])
                 if j <= i or j >= n:
                     return 5, step, e - first_edge
                 if j <= lower:
                     return 6, step, e - first_edge
                 lower = j
-                neighbours_in_all[j] += 1
-                if way < last_way and bent[way] == e - first_edge:
-                    dx = (np.int64(offsets[first + i, 0]) - offsets[first + j, 0]) / STEP_UNITS
-                    dy = (np.int64(offsets[first + i, 1]) - offsets[first + j, 1]) / STEP_UNITS
+                all_degrees[np.uint64(j)] += 1
+                if e - first_edge == next_bent:
+                    dx = (np.int64(places[i, 0]) - places[j, 0]) / STEP_UNITS
+                    dy = (np.int64(places[i, 1]) - places[j, 1]) / STEP_UNITS
                     shortest = math.sqrt(dx * dx + dy * dy) - _LENGTH_TOLERANCE
                     length = bent_length[way]
                     # Written so that NaN fails.
                     if not (length > 0.0 and shortest <= length <= MAX_EDGE_LENGTH):
                         return 10, step, way - first_way
                     way += 1
-            edge += degree[first + i]
+                    next_bent = np.int64(bent[way]) if way < last_way else np.int64(-1)
+            edge += higher[i]
         for i in range(n):
-            if neighbours_in_all[i] > MAX_DEGREE:
+            if all_degrees[i] > MAX_DEGREE:
                 return 7, step, i
         x, y = target_offset[step, 0], target_offset[step, 1]
         if not (abs(x) <= _TARGET_BOUND and abs(y) <= _TARGET_BOUND):
@@ -288,3 +294,23 @@ def _sweep_choices(  # type: ignore[no-untyped-def]
         edge += edge_count[step]
         link += link_count[step]
     return 0, 0, 0
+
+
+@njit(cache=True, nogil=True)
+def _first_outside(values: NDArray[Any], smallest: float, largest: float) -> int:
+    for place in range(len(values)):
+        # Written so that NaN fails.
+        if not smallest <= values[place] <= largest:
+            return place
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def _total(counts: NDArray[np.int32], fewest: int, most: int) -> int:
+    """Return the sum of all counts, -1 when one is not from ``fewest`` to ``most``."""
+    total = 0
+    for count in counts:
+        if not fewest <= count <= most:
+            return -1
+        total += count
+    return total

@@ -217,12 +217,14 @@ def _count_waypoints(
     edge = 0
     link = 0
     for g in range(len(robot)):
+        # Of the edges' own type, so that they are compared many at a time.
+        here = np.uint16(robot[g])
         found = np.int32(degree[first + robot[g]])
-        for e in range(edge, edge + edge_count[g]):
-            found += neighbours[e] == robot[g]
+        for other in neighbours[edge : edge + edge_count[g]]:
+            found += np.int32(other == here)
         if target_known[g]:
-            for m in range(link, link + link_count[g]):
-                found += links[m] == robot[g]
+            for other in links[link : link + link_count[g]]:
+                found += np.int32(other == here)
         waypoints[g] = found
         first += count[g]
         edge += edge_count[g]

@@ -19,6 +19,7 @@ from common.observations.observation import (
     IMAGE_SIDE,
     IMAGES,
     MAX_DEGREE,
+    MAX_EDGES,
     MAX_ROUTE,
     MAX_TARGET_LINKS,
     MAX_VIEWPOINTS,
@@ -74,9 +75,9 @@ KINDS = (
     # Offsets, utility, visited + 2 beacon, degree.
     RingKind(((np.int16, 2), (np.uint16, 1), (np.uint8, 1), (np.uint8, 1)), MAX_VIEWPOINTS),
     # Neighbours.
-    RingKind(((np.uint16, 1),), MAX_VIEWPOINTS * MAX_DEGREE // 2),
+    RingKind(((np.uint16, 1),), MAX_EDGES),
     # Bent edges and their lengths.
-    RingKind(((np.uint32, 1), (np.float32, 1)), MAX_VIEWPOINTS * MAX_DEGREE // 2),
+    RingKind(((np.uint32, 1), (np.float32, 1)), MAX_EDGES),
     # Target links.
     RingKind(((np.uint16, 1),), MAX_TARGET_LINKS * (MAX_STEPS + 1)),
     # Reference routes.
@@ -112,13 +113,14 @@ class Ring:
     Attributes:
         arrays: the columns.
         live: rows held now.
+        row_bytes: bytes of one row over all columns.
         largest: rows of one piece at most.
     """
 
     def __init__(self, kind: RingKind, max_bytes: int) -> None:
         self.live = 0
         self.largest = kind.largest
-        self._row_bytes = kind.row_bytes
+        self.row_bytes = kind.row_bytes
         self._limit = max_bytes // kind.row_bytes
         self._rows = self._limit + 2 * kind.largest
         self._head = 0
@@ -147,12 +149,10 @@ class Ring:
         return first
 
     def free(self, first: int, rows: int) -> None:
-        """Take back the oldest rows that are in use."""
-        if rows == 0:
-            return
+        """Take back the oldest rows that are in use, one or more."""
         self.live -= rows
         begin, end = self._freed
-        if first != end or (end - begin) * self._row_bytes > _RELEASE_BYTES:
+        if first != end or (end - begin) * self.row_bytes > _RELEASE_BYTES:
             for column in self._columns:
                 column.release(begin, end)
             begin = first

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from common.messages.experience import Chunk
 from common.observations.index import waypoint_counts
-from learner.replay.memory import ring_kinds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,8 +41,8 @@ class RaggedParts:
         if batch.image is not None:
             counts.append(np.ones(len(batch), dtype=np.int32))
             pictures = ((batch.image.reshape(len(batch), -1),),)
-        length = np.stack(counts, axis=1)
-        ends = np.zeros((len(batch) + 1, len(ring_kinds(batch.image is not None))), dtype=np.int64)
+        length = np.array(counts, dtype=np.int32).T
+        ends = np.zeros((len(batch) + 1, len(counts)), dtype=np.int64)
         np.cumsum(length, axis=0, out=ends[1:])
         marks = batch.visited + 2 * batch.beacon.view(np.uint8)
         arrays = (

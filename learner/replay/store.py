@@ -96,10 +96,11 @@ class ObservationStore:
 
     def free(self, row: int) -> None:
         """Take back what the oldest row has in the rings."""
-        length = self.columns.length[row]
-        self.live_bytes -= int(length @ self._row_bytes)
-        for ring, first, rows in zip(self._rings, self.columns.first[row].tolist(), length.tolist(), strict=True):
-            ring.free(first, rows)
+        first, length = self.columns.first[row].tolist(), self.columns.length[row].tolist()
+        for ring, begin, rows in zip(self._rings, first, length, strict=True):
+            if rows:
+                self.live_bytes -= rows * ring.row_bytes
+                ring.free(begin, rows)
 
     def observations(self, rows: NDArray[np.int64]) -> ObservationBatch:
         """Return the observations of some rows."""
