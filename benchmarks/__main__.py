@@ -58,7 +58,7 @@ PARTS: Final[Mapping[str, Part]] = {
     "simulators": Part(
         "reset, scan and a leg of 4 m of each simulator and fidelity", short={"repeats": 1, "worlds": 1}
     ),
-    "inference": Part("the policy at batch 1 on one core", short={"repeats": 4}),
+    "inference": Part("the policy at batch 1 on one core", short={"repeats": 4, "large": [500]}),
     "actor_steps": Part(
         "full steps of one actor on one core",
         short={"seconds": 0.1, "specs": [_SMALL_WORLDS], "cases": ["grid, d 64, labels", "pybullet kinematic, d 64"]},

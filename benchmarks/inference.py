@@ -1,22 +1,27 @@
 """Measure one decision of the policy at batch 1: features, graph, network, choice.
 
 `python -m benchmarks.inference`: mean graph of 185 viewpoints and a large one of 400, both sizes, one thread, through
-numpy, torch and (where onnx and onnxruntime are installed) ONNX Runtime. Times are processor
+numpy, torch and (where onnx and onnxruntime are installed) ONNX Runtime; then by part in a hall that is known up to
+some distance, with 500 to 3,000 viewpoints. Times are processor
 milliseconds of this thread, so that other work on the machine takes little part; run it with OMP_NUM_THREADS=1.
-Targets: 2 ms at width 64 with 3 layers, 10 ms at width 128 with 6 layers.
+Targets: 2 ms at width 64 with 3 layers, 10 ms at width 128 with 6 layers; 3 ms at 3,000 viewpoints.
 """
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 import torch
 from torch import nn
 
-from common.config import NetworkConfig
+from actors.maps.sources import open_sources
+from common.config import MappingConfig, NetworkConfig
+from common.geometry import Pose
+from common.mapping.mapper import Mapper
 from common.network.factory import make_policy_network
 from common.network.graph_arrays import GraphArrays
 from common.network.graph_batch import GraphBatch
@@ -24,6 +29,8 @@ from common.network.onnx_network import OnnxNetwork
 from common.network.parameters import initial_parameters
 from common.observations.observation import Observation, ObservationBatch
 from common.policies.policy import Policy
+from common.policies.policy_file import read_weights
+from common.policies.shipped import shipped_policy
 from learner.run.onnx_model import onnx_model
 from tests.observations import random_observation
 
@@ -33,6 +40,10 @@ SIZES = {
     "small": NetworkConfig(width=64, layers=3, heads=4),
     "paper": NetworkConfig(width=128, layers=6, heads=8),
 }
+HALL = "generator:hall?seed=3&width=1280&height=1024"
+RADII = {500: 61.0, 1200: 107.0, 3000: 200.0}
+"""Metres around its start up to which the hall is known, by the number of viewpoints that this makes."""
+TOKENS = NetworkConfig(width=64, layers=3, heads=4, features="guided", graph="tokens", toward=True)
 
 
 def fastest(action: Callable[[], object], repeats: int) -> float:
@@ -46,8 +57,13 @@ def fastest(action: Callable[[], object], repeats: int) -> float:
     return best
 
 
-def run(repeats: int = 200) -> dict[str, float]:
-    """Return milliseconds of a decision for both sizes, of its graph part, and of the same through torch."""
+def run(repeats: int = 200, large: Sequence[int] = tuple(RADII)) -> dict[str, float]:
+    """Return milliseconds of a decision for both sizes, of its graph part, and of the same through torch.
+
+    Args:
+        repeats: of each measurement.
+        large: numbers of viewpoints, of those in `RADII`, to measure `by_part` too.
+    """
     torch.set_num_threads(1)
     rng = np.random.default_rng(0)
     observation = random_observation(rng, VIEWPOINTS)
@@ -68,6 +84,48 @@ def run(repeats: int = 200) -> dict[str, float]:
         results[f"inference/{size}/decision_ms"] = 1e3 * fastest(decide, repeats)
         results[f"inference/{size}/graph_ms"] = 1e3 * fastest(graph, repeats)
         results[f"inference/{size}/torch_ms"] = 1e3 * fastest(through_torch, max(1, repeats // 4))
+    for viewpoints in large:
+        results |= by_part(viewpoints, repeats)
+    return results
+
+
+def known_hall(radius: float) -> Observation:
+    """Return the observation at the start of a hall of which everything up to ``radius``, metres, is known."""
+    world = open_sources([HALL], 0.25, "exploration").world(0)
+    rows, columns = np.indices(world.free.shape)
+    x = world.origin[0] + (columns + 0.5) * world.resolution - world.start[0]
+    y = world.origin[1] + (rows + 0.5) * world.resolution - world.start[1]
+    known = np.where(world.free, 0, 100)
+    mapper = Mapper(MappingConfig(resolution=world.resolution), lattice_origin=world.lattice_origin)
+    mapper.belief.assign(np.where(np.hypot(x, y) < radius, known, -1).astype(np.int8), world.origin)
+    mapper.update(Pose(*world.start))
+    return mapper.observe()
+
+
+def by_part(viewpoints: int, repeats: int) -> dict[str, float]:
+    """Return milliseconds of a decision in the known hall and of its parts, for the shipped network and for tokens."""
+    observation, rng = known_hall(RADII[viewpoints]), np.random.default_rng(0)
+    batch = ObservationBatch.stack([observation])
+    arrays, card = read_weights(shipped_policy("exploration"))
+    results: dict[str, float] = {}
+    for name, config, weights in (
+        ("shipped", card.network, arrays),
+        ("tokens", TOKENS, initial_parameters(TOKENS, 0)),
+    ):
+        policy = Policy(config, weights)
+        through_onnx = Policy.with_network(config, OnnxNetwork(onnx_model(config, weights)), 0)
+
+        def graph(config: NetworkConfig = config) -> GraphArrays:
+            return GraphArrays.from_observations(batch, config)
+
+        def decide(policy: Policy) -> object:
+            return policy.decide(observation, greedy=True, rng=rng)
+
+        prefix = f"inference/{viewpoints}/{name}"
+        results[f"{prefix}/nodes_read"] = len(graph().nodes)
+        results[f"{prefix}/graph_ms"] = 1e3 * fastest(graph, repeats)
+        results[f"{prefix}/decision_ms"] = 1e3 * fastest(partial(decide, policy), repeats)
+        results[f"{prefix}/onnx_ms"] = 1e3 * fastest(partial(decide, through_onnx), repeats)
     return results
 
 

@@ -128,7 +128,7 @@ class _EdgeAttentionCpu(torch.autograd.Function):
         out = torch.empty((nodes, width))
         weights = torch.empty((nodes, table.shape[1], heads))
         bounds = _node_bounds(batch)
-        forward, _ = edge_kernels(width // heads)
+        forward, _ = edge_kernels(width // heads, heads)
         run_parallel(forward, (qkv.numpy(), table, out.numpy(), weights.numpy()), bounds)
         ctx.save_for_backward(qkv, weights)
         ctx.table, ctx.heads, ctx.bounds = table, heads, bounds
@@ -139,7 +139,7 @@ class _EdgeAttentionCpu(torch.autograd.Function):
         qkv, weights = ctx.saved_tensors
         grad = grads[0].float().contiguous()
         grad_qkv = torch.zeros_like(qkv)
-        _, backward = edge_kernels(grad.shape[1] // ctx.heads)
+        _, backward = edge_kernels(grad.shape[1] // ctx.heads, ctx.heads)
         arguments = (grad.numpy(), qkv.numpy(), ctx.table, weights.numpy(), grad_qkv.numpy())
         run_parallel(backward, arguments, ctx.bounds)
         return grad_qkv.to(ctx.dtype), None, None

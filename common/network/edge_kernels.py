@@ -14,16 +14,17 @@ from common.system.jit import njit
 
 
 @functools.cache
-def edge_kernels(head: int) -> tuple[Kernel, Kernel]:
-    """Return (forward, backward) for heads of size ``head``.
+def edge_kernels(head: int, heads: int) -> tuple[Kernel, Kernel]:
+    """Return (forward, backward) for ``heads`` heads of size ``head``: constants, so that loops over them unroll.
 
     ``forward(qkv, neighbours, out, weights, first, last)`` reads queries, keys and values side by side, float32
     (nodes, 3 d), and writes the attended values (nodes, d) and the attention weights (nodes, slots, heads) of nodes
-    ``first`` to ``last``; weights of absent neighbours stay as they were.
+    ``first`` to ``last``; weights of absent neighbours stay as they were, and none are written to an empty array.
     ``backward(grad, qkv, neighbours, weights, grad_qkv, first, last)`` adds to ``grad_qkv``. No edge leaves its
     observation, so ranges of whole observations may run side by side.
     """
     scale = np.float32(1.0 / math.sqrt(head))
+    width = heads * head
 
     @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
     def forward(
@@ -34,50 +35,53 @@ def edge_kernels(head: int) -> tuple[Kernel, Kernel]:
         first: int,
         last: int,
     ) -> None:
-        width = out.shape[1]
-        heads = width // head
         slots = neighbours.shape[1]
         flat, mixed = qkv.reshape(-1), out.reshape(-1)
         scores = np.empty(slots * heads, dtype=np.float32)
-        rows = np.empty(slots, dtype=np.int64)
+        keep = len(weights) > 0
+        keys = np.empty(slots, dtype=np.int64)
         places = np.empty(slots, dtype=np.int64)
-        top = np.empty(heads, dtype=np.float32)
-        total = np.empty(heads, dtype=np.float32)
+        # Places are unsigned where numba would ask of each whether it counts from the end.
         for i in range(first, last):
             found = 0
             for slot in range(slots):
-                if neighbours[i, slot] >= 0:
-                    rows[found] = neighbours[i, slot]
-                    places[found] = slot
+                row = neighbours[i, np.uint64(slot)]
+                if row >= 0:
+                    keys[np.uint64(found)] = 3 * width * np.int64(row) + width
+                    places[np.uint64(found)] = slot
                     found += 1
-            for h in range(heads):
-                top[h] = np.float32(-3e38)
-                total[h] = 0.0
             query = 3 * width * i
             for m in range(found):
-                key = 3 * width * rows[m] + width
+                key = keys[np.uint64(m)]
                 for h in range(heads):
-                    score = dot(flat, query + h * head, flat, key + h * head, head) * scale
-                    scores[m * heads + h] = score
-                    top[h] = max(top[h], score)
-            for m in range(found):
-                for h in range(heads):
-                    scores[m * heads + h] -= top[h]
-            for at in range(found * heads):
-                scores[at] = exp_negative(scores[at])
-            for m in range(found):
-                for h in range(heads):
-                    total[h] += scores[m * heads + h]
+                    score = dot(flat, query + h * head, flat, key + h * head, head)
+                    scores[np.uint64(m * heads + h)] = score * scale
             for h in range(heads):
-                total[h] = np.float32(1.0) / total[h]
+                top = np.float32(-3e38)
+                for m in range(found):
+                    score = scores[np.uint64(m * heads + h)]
+                    top = score if score > top else top
+                for m in range(found):
+                    scores[np.uint64(m * heads + h)] -= top
+            for at in range(found * heads):
+                scores[np.uint64(at)] = exp_negative(scores[np.uint64(at)])
             for c in range(width):
-                mixed[width * i + c] = 0.0
+                mixed[np.uint64(width * i + c)] = 0.0
             for m in range(found):
-                value = 3 * width * rows[m] + 2 * width
+                value = keys[np.uint64(m)] + width
                 for h in range(heads):
-                    share = scores[m * heads + h] * total[h]
-                    weights[i, places[m], h] = share
+                    share = scores[np.uint64(m * heads + h)]
                     add_scaled(mixed, width * i + h * head, share, flat, value + h * head, head)
+            for h in range(heads):
+                total = np.float32(0.0)
+                for m in range(found):
+                    total += scores[np.uint64(m * heads + h)]
+                total = np.float32(1.0) / total
+                for c in range(head):
+                    mixed[np.uint64(width * i + h * head + c)] *= total
+                if keep:
+                    for m in range(found):
+                        weights[i, places[m], h] = scores[m * heads + h] * total
 
     @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
     def backward(
@@ -89,8 +93,6 @@ def edge_kernels(head: int) -> tuple[Kernel, Kernel]:
         first: int,
         last: int,
     ) -> None:
-        width = grad.shape[1]
-        heads = width // head
         slots = neighbours.shape[1]
         flat, above, below = qkv.reshape(-1), grad.reshape(-1), grad_qkv.reshape(-1)
         slope = np.empty((slots, heads), dtype=np.float32)

@@ -21,6 +21,8 @@ from common.network.parameters import Arrays
 from common.system.jit import njit
 
 _EPSILON = 1e-5
+# In the place of attention weights, which only training needs.
+_NOTHING = np.empty((0, 0, 0), dtype=np.float32)
 
 Array = NDArray[np.float32]
 
@@ -58,8 +60,7 @@ class GraphInference:
         self._weights = {
             name: np.ascontiguousarray(value.T if value.ndim == 2 else value) for name, value in arrays.items()
         }
-        head = config.width // config.heads
-        self._edge_attention, _ = edge_kernels(head)
+        self._edge_attention, _ = edge_kernels(config.width // config.heads, config.heads)
         self._buffers: dict[str, Array] = {}
 
     def __call__(self, graph: GraphArrays) -> tuple[Array, Array]:
@@ -91,14 +92,13 @@ class GraphInference:
 
     def _encode(self, graph: GraphArrays) -> Array:
         weights, width = self._weights, self.config.width
-        count, slots = graph.neighbours.shape
+        count = len(graph.neighbours)
         nodes = self._buffer("nodes", count, width)
         normed = self._buffer("normed", count, width)
         mixed = self._buffer("mixed", count, width)
         change = self._buffer("change", count, width)
         qkv = self._buffer("qkv", count, 3 * width)
         hidden = self._buffer("hidden", count, self.config.feedforward * width)
-        shares = self._buffer("shares", count, slots * self.config.heads).reshape(count, slots, -1)
         np.matmul(graph.features, weights["encoder.embedding.weight"], out=nodes)
         bias = weights["encoder.embedding.bias"]
         change[:] = 0.0
@@ -106,7 +106,7 @@ class GraphInference:
             name = f"encoder.layers.{layer}"
             _add_and_norm(nodes, change, bias, *self._norm(f"{name}.attention_norm"), normed)
             np.matmul(normed, weights[f"{name}.attention.qkv.weight"], out=qkv)
-            self._edge_attention(qkv, graph.neighbours, mixed, shares, 0, count)
+            self._edge_attention(qkv, graph.neighbours, mixed, _NOTHING, 0, count)
             np.matmul(mixed, weights[f"{name}.attention.out.weight"], out=change)
             bias = weights[f"{name}.attention.out.bias"]
             _add_and_norm(nodes, change, bias, *self._norm(f"{name}.feedforward_norm"), normed)
