@@ -25,6 +25,7 @@ from common.system.jit import njit
 
 _TARGET = FEATURE_NAMES["paper"].index("target")
 _BEACON = FEATURE_NAMES["paper"].index("beacon")
+_ON_PATH = FEATURE_NAMES["extended"].index("on_beacon_path")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,8 +99,11 @@ class GraphArrays:
         if reduced and read == "paper":
             read = "extended"
         paths = robot_paths(batch, table) if config.toward or read != "paper" else None
-        toward = paths_toward(batch, table, paths) if config.toward and paths is not None else None
         features = node_features(batch, table, read, paths)
+        toward = None
+        if config.toward and paths is not None:
+            on_path = features[:, _ON_PATH] > 0.0 if read != "paper" else np.ones(len(features), dtype=np.bool_)
+            toward = paths_toward(batch, table, paths, on_path)
         if reduced:
             kept = kept_rows(features, neighbours, robot_rows, node_ptr, tokens=config.graph == "tokens")
             place = np.where(kept, np.cumsum(kept) - 1, -1)
@@ -115,12 +119,12 @@ class GraphArrays:
             beacon_rows, beacon_ptr = robot_rows.copy(), np.arange(len(batch) + 1)
         waypoint_rows, waypoint_ptr = _waypoint_sets(neighbours, robot_rows, batch.has_target & batch.target_known)
         pairs, pair_ptr = _pair_table(beacon_ptr, waypoint_ptr)
-        on_path = np.zeros(len(pairs) if toward is not None else 0, dtype=np.float32)
+        begins = np.zeros(len(pairs) if toward is not None else 0, dtype=np.float32)
         if toward is not None:
             slots = np.arange(len(waypoint_rows)) - np.repeat(waypoint_ptr[:-1], np.diff(waypoint_ptr))
             slots[features[waypoint_rows, _TARGET] > 0.0] = neighbours.shape[1] - 1
             bits = toward[beacon_rows[pairs[:, 1]]] >> (slots[pairs[:, 2]] % 64).astype(np.uint64)
-            on_path[:] = bits & np.uint64(1)
+            begins[:] = bits & np.uint64(1)
         if features.shape[1] != feature_count(config.features):
             features = np.ascontiguousarray(features[:, feature_columns(config.features)])
         return cls(
@@ -136,7 +140,7 @@ class GraphArrays:
             pair_ptr=pair_ptr,
             nodes=nodes,
             has_beacons=config.hierarchical,
-            toward=on_path,
+            toward=begins,
             image=batch.image if config.reads_image else None,
         )
 

@@ -58,17 +58,21 @@ def robot_paths(batch: ObservationBatch, table: NeighbourTable) -> RobotPaths:
     return RobotPaths(distance, order, reached)
 
 
-def paths_toward(batch: ObservationBatch, table: NeighbourTable, paths: RobotPaths) -> NDArray[np.uint64]:
+def paths_toward(
+    batch: ObservationBatch, table: NeighbourTable, paths: RobotPaths, wanted: NDArray[np.bool_]
+) -> NDArray[np.uint64]:
     """Say with which of the robot's neighbours the shortest paths to each node begin.
 
     Args:
         batch: k observations.
         table: their neighbours.
         paths: from their robots.
+        wanted: nodes to tell about, with all that lie on the shortest paths to them, shape (nodes,).
 
     Returns:
         Bit s of a node is set when a shortest path (any, if several) from the robot to it begins with the neighbour in
-        slot s of the robot's row, or s + 64, and so on; 0 where no path leads, uint64, shape (nodes,).
+        slot s of the robot's row, or s + 64, and so on; 0 where no path leads and where nothing is
+        wanted, uint64, shape (nodes,).
     """
     return _first_steps(
         table.rows,
@@ -79,6 +83,7 @@ def paths_toward(batch: ObservationBatch, table: NeighbourTable, paths: RobotPat
         paths.distance,
         paths.order,
         paths.reached,
+        wanted,
     )
 
 
@@ -260,6 +265,7 @@ def _first_steps(
     distances: NDArray[np.float64],
     orders: NDArray[np.int64],
     reached: NDArray[np.int64],
+    wanted: NDArray[np.bool_],
 ) -> NDArray[np.uint64]:
     bits = np.zeros(len(neighbours), dtype=np.uint64)
     slots = neighbours.shape[1]
@@ -269,7 +275,7 @@ def _first_steps(
         here = np.int64(robot[g])
         distance = distances[first:last]
         for node in orders[first : first + reached[g]]:
-            if node == here:
+            if node == here or not wanted[first + node]:
                 continue
             j = np.uint64(first + node)
             found = np.uint64(0)
