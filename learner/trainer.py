@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from common.errors import StorageError
-from common.network.parameters import with_features
+from common.network.parameters import with_options
 from common.policies.policy_file import read_weights
 from learner.algorithm.base import Algorithm, NotFiniteError, PublishedVersion
 from learner.algorithm.batch import TransitionBatch
@@ -108,7 +108,7 @@ class Trainer:
         """
         if self.config.learner.initial_policy is not None:
             weights, card = read_weights(Path(self.config.learner.initial_policy).expanduser())
-            self.algorithm.adopt(with_features(weights, card.network, self.config.network))
+            self.algorithm.adopt(with_options(weights, card.network, self.config.network, self.config.seed))
             logger.info("training continues from the policy of run %s, %d updates", card.run, card.updates)
         self._open_records(episodes_length=0, updates=0)
         self.recorder.write_text("config", f"```json\n{self.config.model_dump_json(indent=2)}\n```")

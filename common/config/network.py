@@ -37,6 +37,23 @@ class NetworkConfig(Section):
     toward: bool = False
     """Bias the waypoint decoder's logits by which waypoints lie on a shortest path to which beacon."""
 
+    beacon_attention: Annotated[int, Field(ge=0, le=8)] = 0
+    """Layers of full self-attention among the robot, all beacons and the target, biased by the lengths of the shortest
+    paths between them; what they learn is added to their nodes. 2 is a good number; 0 leaves them out."""
+    detours: bool = False
+    """Bias the waypoint decoder's logits by how each waypoint lies to each beacon: the detour through it, and whether
+    it is on a shortest path."""
+
+    @model_validator(mode="after")
+    def _beacons_are_chosen(self) -> NetworkConfig:
+        if self.reads_overview and not self.hierarchical:
+            name = "beacon_attention" if self.beacon_attention else "detours"
+            raise ValueError(
+                f"{name} is about beacons, and variant {self.variant!r} chooses none: unset it, or set network.variant "
+                "to 'hdplanner'"
+            )
+        return self
+
     @model_validator(mode="after")
     def _tokens_are_guided(self) -> NetworkConfig:
         if self.graph == "tokens" and self.features != "guided":
@@ -68,6 +85,11 @@ class NetworkConfig(Section):
     def baseline(self) -> bool:
         """Whether it is the network of another publication, without beacons."""
         return self.variant in ("ariadne", "ca", "cnn")
+
+    @property
+    def reads_overview(self) -> bool:
+        """Whether it reads lengths of paths between robot, beacons and target."""
+        return self.beacon_attention > 0 or self.detours
 
     @property
     def reads_image(self) -> bool:

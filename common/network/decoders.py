@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from common.config import NetworkConfig
 from common.network.attention import CrossAttention
-from common.network.encoder import FeedForward
+from common.network.feedforward import FeedForward
 from common.network.graph_batch import GraphBatch
 from common.network.logits import LOGIT_LIMIT
 from common.network.segment import segment_log_softmax
+from common.observations.overview import PAIR_FEATURES
 
 
 class DecoderLayer(nn.Module):
@@ -49,6 +51,21 @@ class Pointer(nn.Module):
         return LOGIT_LIMIT * torch.tanh(scores)
 
 
+class DetourBias(nn.Module):
+    """What is added to the logit of a waypoint given a beacon for how the one lies to the other; zero at first."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.rise = nn.Linear(PAIR_FEATURES, width)
+        self.fall = nn.Linear(width, 1)
+        nn.init.zeros_(self.fall.weight)
+        nn.init.zeros_(self.fall.bias)
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Map features of pairs, (pairs, `PAIR_FEATURES`), to biases, float32, shape (pairs,)."""
+        return self.fall(functional.relu(self.rise(features))).squeeze(1).float()
+
+
 class BeaconDecoder(nn.Module):
     """π_b(b | o): the robot's feature asks all viewpoints, then points at a beacon (paper, section IV-C)."""
 
@@ -81,6 +98,7 @@ class WaypointDecoder(nn.Module):
         self.pointer = Pointer(config.width)
         # Added to the logits of waypoints on a shortest path to the beacon.
         self.toward = nn.Parameter(torch.zeros(1)) if config.toward else None
+        self.detours = DetourBias(config.width) if config.detours else None
 
     def forward(self, nodes: Tensor, batch: GraphBatch) -> tuple[Tensor, Tensor]:
         """Return log π_a, shape (total pairs,), and the waypoints' pointer features, (total waypoints, d)."""
@@ -95,4 +113,6 @@ class WaypointDecoder(nn.Module):
         logits = self.pointer(queries, keys.index_select(0, batch.pair_waypoint))
         if self.toward is not None:
             logits = logits + self.toward * batch.toward
+        if self.detours is not None:
+            logits = logits + self.detours(batch.pair_features)
         return segment_log_softmax(logits, batch.pair_beacon, len(batch.beacon_rows)), keys

@@ -3,30 +3,13 @@
 from __future__ import annotations
 
 from torch import Tensor, nn
-from torch.nn import functional
 
 from common.config import NetworkConfig
 from common.network.attention import EdgeAttention
+from common.network.beacon_attention import BeaconAttention
+from common.network.feedforward import FeedForward
 from common.network.graph_batch import GraphBatch
 from common.observations.features import feature_count
-
-
-class FeedForward(nn.Module):
-    """Two linear maps with a ReLU between them.
-
-    Args:
-        width: d of input and output.
-        factor: hidden size as a multiple of the width.
-    """
-
-    def __init__(self, width: int, factor: int) -> None:
-        super().__init__()
-        self.rise = nn.Linear(width, factor * width)
-        self.fall = nn.Linear(factor * width, width)
-
-    def forward(self, inputs: Tensor) -> Tensor:
-        """Map (items, d) to (items, d)."""
-        return self.fall(functional.relu(self.rise(inputs), inplace=True))
 
 
 class EncoderLayer(nn.Module):
@@ -53,10 +36,12 @@ class Encoder(nn.Module):
         self.embedding = nn.Linear(feature_count(config.features), config.width)
         self.layers = nn.ModuleList(EncoderLayer(config) for _ in range(config.layers))
         self.norm = nn.LayerNorm(config.width)
+        self.beacon_attention = BeaconAttention(config) if config.beacon_attention else None
 
     def forward(self, batch: GraphBatch) -> Tensor:
         """Encode all nodes of a batch: float32 or the autocast type, shape (nodes, d)."""
         nodes: Tensor = self.embedding(batch.features)
         for layer in self.layers:
             nodes = layer(nodes, batch)
-        return self.norm(nodes)
+        nodes = self.norm(nodes)
+        return nodes if self.beacon_attention is None else self.beacon_attention(nodes, batch)

@@ -18,8 +18,9 @@ from common.observations.features import (
     feature_count,
     node_features,
 )
-from common.observations.index import EXTRA_SLOTS, LINK_SLOT, neighbour_table
+from common.observations.index import EXTRA_SLOTS, LINK_SLOT, NeighbourTable, neighbour_table
 from common.observations.observation import ObservationBatch
+from common.observations.overview import CLOSENESS, PAIR_FEATURES, Overview
 from common.observations.paths import paths_toward, robot_paths
 from common.system.jit import njit
 
@@ -58,6 +59,11 @@ class GraphArrays:
         toward: 1 for pairs whose waypoint begins a shortest path to the beacon, else 0, float32, shape (total pairs,);
             empty unless the network reads it.
         image: as in `ObservationBatch`; None unless the network reads it.
+        token_rows: rows of robots, beacons and targets, ascending, int64, shape (total tokens,); empty, as the next two
+            and `pair_features`, unless the network reads them.
+        token_ptr: first token of each observation, then their number, int64, shape (k + 1,).
+        closeness: see `common.observations.overview.Overview.closeness`.
+        pair_features: of each pair, float32, shape (total pairs, features), see `Overview.pairs` there.
     """
 
     features: NDArray[np.float32]
@@ -74,6 +80,10 @@ class GraphArrays:
     has_beacons: bool
     toward: NDArray[np.float32]
     image: NDArray[np.uint8] | None
+    token_rows: NDArray[np.int64]
+    token_ptr: NDArray[np.int64]
+    closeness: NDArray[np.float32]
+    pair_features: NDArray[np.float32]
 
     def __len__(self) -> int:
         return len(self.robot_rows)
@@ -94,21 +104,21 @@ class GraphArrays:
         neighbours, node_ptr = table.rows, table.node_ptr
         robot_rows = node_ptr[:-1] + batch.robot
         nodes = np.arange(len(neighbours)) - np.repeat(node_ptr[:-1], np.diff(node_ptr))
-        reduced = config.graph != "full"
-        read: FeatureSet = computed_set(config.features)
-        if reduced and read == "paper":
-            read = "extended"
+        whole = config.graph == "full"
+        read = computed_set(config.features) if whole else _choosing(config)
         paths = robot_paths(batch, table) if config.toward or read != "paper" else None
         features = node_features(batch, table, read, paths)
         toward = None
         if config.toward and paths is not None:
             on_path = features[:, _ON_PATH] > 0.0 if read != "paper" else np.ones(len(features), dtype=np.bool_)
             toward = paths_toward(batch, table, paths, on_path)
-        if reduced:
+        overview = _overview(batch, table, features, robot_rows) if config.reads_overview else None
+        first = np.arange(len(nodes))
+        if not whole:
             kept = kept_rows(features, neighbours, robot_rows, node_ptr, tokens=config.graph == "tokens")
             place = np.where(kept, np.cumsum(kept) - 1, -1)
             neighbours = renumbered(neighbours, kept, place)
-            features = features[kept]
+            features, first = features[kept], first[kept]
             node_ptr = np.append(0, np.cumsum(kept))[node_ptr]
             nodes, robot_rows = nodes[kept], place[robot_rows]
             toward = toward[kept] if toward is not None else None
@@ -125,6 +135,14 @@ class GraphArrays:
             slots[features[waypoint_rows, _TARGET] > 0.0] = neighbours.shape[1] - 1
             bits = toward[beacon_rows[pairs[:, 1]]] >> (slots[pairs[:, 2]] % 64).astype(np.uint64)
             begins[:] = bits & np.uint64(1)
+        token_rows, token_ptr = np.zeros(0, dtype=np.int64), np.zeros(len(batch) + 1, dtype=np.int64)
+        closeness, pair_features = np.zeros((0, CLOSENESS), np.float32), np.zeros((0, PAIR_FEATURES), np.float32)
+        if overview is not None and config.beacon_attention:
+            token_rows, token_ptr = np.searchsorted(first, overview.rows), overview.ptr
+            closeness = overview.closeness(table.node_ptr, batch.reach)
+        if overview is not None and config.detours:
+            measured = np.stack([pairs[:, 0], first[beacon_rows[pairs[:, 1]]], first[waypoint_rows[pairs[:, 2]]]], 1)
+            pair_features = overview.pairs(table.node_ptr, first[robot_rows], batch.reach, measured)
         if features.shape[1] != feature_count(config.features):
             features = np.ascontiguousarray(features[:, feature_columns(config.features)])
         return cls(
@@ -142,6 +160,10 @@ class GraphArrays:
             has_beacons=config.hierarchical,
             toward=begins,
             image=batch.image if config.reads_image else None,
+            token_rows=token_rows,
+            token_ptr=token_ptr,
+            closeness=closeness,
+            pair_features=pair_features,
         )
 
     @property
@@ -193,6 +215,20 @@ class GraphArrays:
                 f"observation {bad} of the batch: node {int(nodes[bad])} is no {what} of it; the {what}s are {valid}"
             )
         return slots
+
+
+def _choosing(config: NetworkConfig) -> FeatureSet:
+    """Return the features by which the nodes of a reduced graph are chosen, on the whole one."""
+    return "guided" if config.features == "guided" else "extended"
+
+
+def _overview(
+    batch: ObservationBatch, table: NeighbourTable, features: NDArray[np.float32], robot_rows: NDArray[np.int64]
+) -> Overview:
+    """Measure the paths between robot, beacons and target on the whole graph."""
+    tokens = (features[:, _BEACON] > 0.0) | (features[:, _TARGET] > 0.0)
+    tokens[robot_rows] = True
+    return Overview.of(batch, table, tokens)
 
 
 @njit(cache=True, nogil=True)

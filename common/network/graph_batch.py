@@ -37,6 +37,9 @@ class GraphBatch:
         pair_waypoint: waypoint slot of each pair, int64, shape (total pairs,).
         toward: as in `GraphArrays`.
         image: as in `GraphArrays`, or None.
+        token_rows: int64, shape (total tokens,).
+        closeness: as in `GraphArrays`.
+        pair_features: as in `GraphArrays`.
     """
 
     arrays: GraphArrays
@@ -56,6 +59,9 @@ class GraphBatch:
     pair_waypoint: Tensor
     toward: Tensor
     image: Tensor | None
+    token_rows: Tensor
+    closeness: Tensor
+    pair_features: Tensor
 
     def __len__(self) -> int:
         return len(self.robot_rows)
@@ -87,6 +93,9 @@ class GraphBatch:
             pair_waypoint=torch.from_numpy(pairs[2]),
             toward=torch.from_numpy(arrays.toward),
             image=None if arrays.image is None else torch.from_numpy(arrays.image),
+            token_rows=torch.from_numpy(arrays.token_rows),
+            closeness=torch.from_numpy(arrays.closeness),
+            pair_features=torch.from_numpy(arrays.pair_features),
         )
 
     def to(self, device: torch.device | str) -> GraphBatch:

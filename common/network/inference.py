@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.config import NetworkConfig
+from common.network.beacon_inference import beacon_attention, detour_bias
 from common.network.edge_kernels import edge_kernels
 from common.network.graph_arrays import GraphArrays
 from common.network.image_inference import ImageInference
@@ -70,6 +71,8 @@ class GraphInference:
             graph: exactly one observation, with at least one beacon and one waypoint.
         """
         nodes = self._encode(graph)
+        if self.config.beacon_attention:
+            beacon_attention(self._weights, self.config, nodes, graph)
         robot = nodes[graph.robot_rows]
         beacons = nodes[graph.beacon_rows]
         waypoints = nodes[graph.waypoint_rows]
@@ -88,6 +91,8 @@ class GraphInference:
         logits = self._point("waypoint_decoder", asked, waypoints)
         if self.config.toward:
             logits += self._weights["waypoint_decoder.toward"] * graph.toward.reshape(logits.shape)
+        if self.config.detours:
+            logits += detour_bias(self._weights, graph).reshape(logits.shape)
         return log_beacon, log_softmax(logits)
 
     def _encode(self, graph: GraphArrays) -> Array:

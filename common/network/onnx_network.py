@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from common.errors import CheckpointError
 from common.network.graph_arrays import GraphArrays
 from common.observations.index import EXTRA_SLOTS
+from common.observations.overview import CLOSENESS, PAIR_FEATURES
 from common.system.extras import optional
 
 Array = NDArray[np.float32]
@@ -56,15 +57,19 @@ class OnnxNetwork:
         Args:
             graph: exactly one observation, with at least one beacon and one waypoint.
         """
+        tokens, beacons = len(graph.token_rows), len(graph.beacon_rows)
         feed: dict[str, NDArray[Any] | None] = {
             "features": graph.features,
             "neighbours": graph.neighbours.astype(np.int64),
             "robot": graph.robot_rows,
             "beacons": graph.beacon_rows,
             "waypoints": graph.waypoint_rows,
-            "toward": graph.toward.reshape(len(graph.beacon_rows), -1),
+            "toward": graph.toward.reshape(beacons, -1),
             "image": None if graph.image is None else graph.image[0],
             "steps": graph.waypoint_steps,
+            "tokens": graph.token_rows,
+            "closeness": graph.closeness.reshape(tokens, tokens, CLOSENESS),
+            "pair_features": graph.pair_features.reshape(beacons, -1, PAIR_FEATURES),
         }
         log_beacon, log_waypoint = self._session.run(
             ["log_beacon", "log_waypoint"], {name: array for name, array in feed.items() if name in self._inputs}

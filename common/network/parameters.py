@@ -12,6 +12,11 @@ from common.errors import WeightsError
 from common.network.image_layers import TABLE_SIDE, image_layers
 from common.observations.features import FEATURE_NAMES, feature_count
 from common.observations.observation import IMAGES
+from common.observations.overview import CLOSENESS, PAIR_FEATURES
+
+_OPTIONS = ("encoder.beacon_attention.", "waypoint_decoder.detours.", "waypoint_decoder.toward")
+# The last maps of options: while they are zero, a network decides as without the option.
+_SILENT = ("encoder.beacon_attention.out.", "waypoint_decoder.detours.fall.", "waypoint_decoder.toward")
 
 Shapes = dict[str, tuple[int, ...]]
 Arrays = Mapping[str, NDArray[np.float32]]
@@ -46,12 +51,17 @@ class _Shapes:
             self.norm(f"{name}.feedforward_norm")
             self.feedforward(f"{name}.feedforward")
         self.norm("encoder.norm")
+        if config.beacon_attention:
+            self.beacon_attention("encoder.beacon_attention")
         if config.hierarchical:
             self.decoder("beacon_decoder")
         self.linear("waypoint_decoder.join", (1 if config.variant == "vanilla" else 2) * width, width)
         if config.toward:
             self.found["waypoint_decoder.toward"] = (1,)
         self.decoder("waypoint_decoder")
+        if config.detours:
+            self.linear("waypoint_decoder.detours.rise", PAIR_FEATURES, width)
+            self.linear("waypoint_decoder.detours.fall", width, 1)
 
     def image(self) -> None:
         """Add a network over images."""
@@ -79,6 +89,20 @@ class _Shapes:
         self.linear(f"{name}.rise", width, hidden)
         self.linear(f"{name}.fall", hidden, width)
 
+    def beacon_attention(self, name: str) -> None:
+        """Add layers of attention among robot, beacons and target."""
+        width = self._config.width
+        for number in range(self._config.beacon_attention):
+            layer = f"{name}.layers.{number}"
+            self.norm(f"{layer}.attention_norm")
+            self.linear(f"{layer}.qkv", width, 3 * width, bias=False)
+            self.linear(f"{layer}.bias", CLOSENESS, self._config.heads, bias=False)
+            self.linear(f"{layer}.out", width, width)
+            self.norm(f"{layer}.feedforward_norm")
+            self.feedforward(f"{layer}.feedforward")
+        self.norm(f"{name}.norm")
+        self.linear(f"{name}.out", width, width)
+
     def decoder(self, name: str) -> None:
         """Add a decoder layer and its pointer."""
         width = self._config.width
@@ -94,13 +118,16 @@ class _Shapes:
 
 
 def initial_parameters(config: NetworkConfig, seed: int) -> dict[str, NDArray[np.float32]]:
-    """Draw random weights: uniform in ±1/sqrt(inputs) for linear maps, ones and zeros for norms."""
+    """Draw random weights: uniform in ±1/sqrt(inputs) for linear maps, ones and zeros for norms.
+
+    Options begin silent: their last map is zero.
+    """
     rng = np.random.default_rng(seed)
     arrays: dict[str, NDArray[np.float32]] = {}
     bound = 1.0
     for name, shape in parameter_shapes(config).items():
         kind = name.split(".")[-2]
-        if name.endswith(".toward"):
+        if name.startswith(_SILENT):
             arrays[name] = np.zeros(shape, dtype=np.float32)
             continue
         if "norm" in kind:
@@ -112,16 +139,22 @@ def initial_parameters(config: NetworkConfig, seed: int) -> dict[str, NDArray[np
     return arrays
 
 
-def with_features(arrays: Arrays, trained: NetworkConfig, wanted: NetworkConfig) -> dict[str, NDArray[np.float32]]:
-    """Return weights for a network that reads more, which changes nothing at first: the new weights are 0.
+def with_options(
+    arrays: Arrays, trained: NetworkConfig, wanted: NetworkConfig, seed: int = 0
+) -> dict[str, NDArray[np.float32]]:
+    """Return weights for a network that reads more, which changes nothing at first.
+
+    Weights of new features are 0, and so are the last maps of new options; what lies before these is drawn.
 
     Args:
         arrays: weights of a network of ``trained``.
         trained: its configuration; its features are the first ones of those wanted, or the same.
         wanted: configuration of the network that begins with these weights.
+        seed: of what is drawn.
 
     Raises:
-        WeightsError: its features do not begin with those that the weights were trained with.
+        WeightsError: its features do not begin with those that the weights were trained with, or it has more layers of
+            attention among beacons than these.
     """
     before, after = FEATURE_NAMES[trained.features], FEATURE_NAMES[wanted.features]
     if after[: len(before)] != before:
@@ -129,13 +162,19 @@ def with_features(arrays: Arrays, trained: NetworkConfig, wanted: NetworkConfig)
             f"weights of a network with the features {trained.features!r} cannot go on with {wanted.features!r}: set "
             f"network.features={trained.features}"
         )
+    if trained.beacon_attention not in (0, wanted.beacon_attention):
+        raise WeightsError(
+            f"weights of a network with {trained.beacon_attention} layers of attention among beacons cannot go on with "
+            f"{wanted.beacon_attention}: set network.beacon_attention={trained.beacon_attention}"
+        )
     name = "encoder.embedding.weight"
     missing = len(after) - len(before)
     grown = dict(arrays)
     if missing > 0 and name in grown:
         grown[name] = np.pad(grown[name], ((0, 0), (0, missing)))
-    if wanted.toward:
-        grown.setdefault("waypoint_decoder.toward", np.zeros(1, dtype=np.float32))
+    for option, values in initial_parameters(wanted, seed).items():
+        if option.startswith(_OPTIONS):
+            grown.setdefault(option, values)
     return grown
 
 

@@ -48,12 +48,12 @@ class Builder:
         nodes = self.linear("encoder.embedding", "features")
         for layer in range(self.config.layers):
             name = f"encoder.layers.{layer}"
-            normed = self._norm(f"{name}.attention_norm", nodes)
+            normed = self.norm(f"{name}.attention_norm", nodes)
             mixed = self._edge_attention(f"{name}.attention", normed, rows, bias)
             nodes = self.op("Add", nodes, self.linear(f"{name}.attention.out", mixed))
-            normed = self._norm(f"{name}.feedforward_norm", nodes)
-            nodes = self.op("Add", nodes, self._feedforward(f"{name}.feedforward", normed))
-        return self._norm("encoder.norm", nodes)
+            normed = self.norm(f"{name}.feedforward_norm", nodes)
+            nodes = self.op("Add", nodes, self.feedforward(f"{name}.feedforward", normed))
+        return self.norm("encoder.norm", nodes)
 
     def _edge_attention(self, name: str, nodes: str, rows: str, bias: str) -> str:
         """Attend from every node over its slots.
@@ -82,19 +82,19 @@ class Builder:
         name, width, heads = f"{decoder}.decoder", self.config.width, self.config.heads
         query_weight = self.arrays[f"{name}.attention.query.weight"] / np.float32(math.sqrt(width // heads))
         kv = self.arrays[f"{name}.attention.kv.weight"]
-        normed = self._norm(f"{name}.attention_norm", queries)
-        query = self._split_heads(self.op("MatMul", normed, self.constant(query_weight.T)))
-        key = self._split_heads(self.op("MatMul", nodes, self.constant(kv[:width].T)))
-        value = self._split_heads(self.op("MatMul", nodes, self.constant(kv[width:].T)))
+        normed = self.norm(f"{name}.attention_norm", queries)
+        query = self.split_heads(self.op("MatMul", normed, self.constant(query_weight.T)))
+        key = self.split_heads(self.op("MatMul", nodes, self.constant(kv[:width].T)))
+        value = self.split_heads(self.op("MatMul", nodes, self.constant(kv[width:].T)))
         scores = self.op("MatMul", query, self.op("Transpose", key, perm=[0, 2, 1]))
-        mixed = self._join_heads(self.op("MatMul", self.op("Softmax", scores, axis=-1), value))
+        mixed = self.join_heads(self.op("MatMul", self.op("Softmax", scores, axis=-1), value))
         queries = self.op("Add", queries, self.linear(f"{name}.attention.out", mixed))
-        normed = self._norm(f"{name}.feedforward_norm", queries)
-        queries = self.op("Add", queries, self._feedforward(f"{name}.feedforward", normed))
-        return self._norm(f"{name}.norm", queries)
+        normed = self.norm(f"{name}.feedforward_norm", queries)
+        queries = self.op("Add", queries, self.feedforward(f"{name}.feedforward", normed))
+        return self.norm(f"{name}.norm", queries)
 
-    def point(self, decoder: str, asked: str, choices: str, bias: str | None = None) -> str:
-        """Return log-probabilities over the choices, (queries, choices)."""
+    def point(self, decoder: str, asked: str, choices: str, *biases: str) -> str:
+        """Return log-probabilities over the choices, (queries, choices); biases of that shape are added to logits."""
         scale = np.float32(math.sqrt(self.config.width))
         query = self.arrays[f"{decoder}.pointer.query.weight"] / scale
         queries = self.op("MatMul", asked, self.constant(query.T))
@@ -102,26 +102,31 @@ class Builder:
         scores = self.op("Tanh", self.op("MatMul", queries, self.op("Transpose", keys, perm=[1, 0])))
         limit = self.constant(np.array(LOGIT_LIMIT, dtype=np.float32))
         logits = self.op("Mul", scores, limit)
-        return self.op("LogSoftmax", logits if bias is None else self.op("Add", logits, bias), axis=-1)
+        for bias in biases:
+            logits = self.op("Add", logits, bias)
+        return self.op("LogSoftmax", logits, axis=-1)
 
     def linear(self, name: str, inputs: str) -> str:
         """Apply a linear map to (items, inputs)."""
         weight = self.constant(self.arrays[f"{name}.weight"].T)
         return self.op("Gemm", inputs, weight, self.constant(self.arrays[f"{name}.bias"]))
 
-    def _feedforward(self, name: str, inputs: str) -> str:
+    def feedforward(self, name: str, inputs: str) -> str:
+        """Apply a feed-forward block to (items, d)."""
         return self.linear(f"{name}.fall", self.op("Relu", self.linear(f"{name}.rise", inputs)))
 
-    def _norm(self, name: str, inputs: str) -> str:
+    def norm(self, name: str, inputs: str) -> str:
+        """Apply a layer norm to (items, d)."""
         gain, shift = self.constant(self.arrays[f"{name}.weight"]), self.constant(self.arrays[f"{name}.bias"])
         return self.op("LayerNormalization", inputs, gain, shift, axis=-1, epsilon=_EPSILON)
 
-    def _split_heads(self, items: str) -> str:
+    def split_heads(self, items: str) -> str:
         """Turn (items, d) into (heads, items, channels)."""
         heads = self.config.heads
         return self.op("Transpose", self.reshape(items, -1, heads, self.config.width // heads), perm=[1, 0, 2])
 
-    def _join_heads(self, items: str) -> str:
+    def join_heads(self, items: str) -> str:
+        """Turn (heads, items, channels) into (items, d)."""
         return self.reshape(self.op("Transpose", items, perm=[1, 0, 2]), -1, self.config.width)
 
     def reshape(self, items: str, *shape: int) -> str:

@@ -12,8 +12,10 @@ from common.network.logits import LOGIT_LIMIT
 from common.network.parameters import Arrays
 from common.observations.features import feature_count
 from common.observations.observation import IMAGE_SIDE, IMAGES
+from common.observations.overview import CLOSENESS, PAIR_FEATURES
 from common.system.extras import optional
 from learner.run.onnx_builder import Builder
+from learner.run.onnx_overview import beacon_attention, detour_bias
 
 ValueInfo = tuple[str, Any, list[str | int]]
 
@@ -30,7 +32,10 @@ def onnx_model(config: NetworkConfig, arrays: Arrays) -> bytes:
     - ``robot``: int64, (1,), row of the robot's node;
     - ``beacons``: int64, (B,), rows of the beacons; only where beacons are chosen;
     - ``waypoints``: int64, (W,), rows of the waypoints;
-    - ``toward``: float32, (B, W), see `GraphArrays`; where the network reads it.
+    - ``toward``: float32, (B, W), see `GraphArrays`; where the network reads it, as the following;
+    - ``tokens``: int64, (T,), rows of robot, beacons and target, ascending;
+    - ``closeness``: float32, (T, T, 5), how close they are to one another;
+    - ``pair_features``: float32, (B, W, 5), how each waypoint lies to each beacon.
 
     The variant `cnn` takes the image of an observation instead, ``image``: uint8, (2, pixels), and ``steps``: float32,
     (W, 2), offsets of the waypoints from the robot in lattice steps.
@@ -68,6 +73,10 @@ def onnx_model(config: NetworkConfig, arrays: Arrays) -> bytes:
             inputs.insert(3, ("beacons", number, ["B"]))
         if config.toward:
             inputs.append(("toward", floats, [beacons, "W"]))
+        if config.beacon_attention:
+            inputs += [("tokens", number, ["T"]), ("closeness", floats, ["T", "T", CLOSENESS])]
+        if config.detours:
+            inputs.append(("pair_features", floats, ["B", "W", PAIR_FEATURES]))
     builder.op("Identity", log_beacon, name="log_beacon")
     builder.op("Identity", log_waypoint, name="log_waypoint")
     outputs: list[ValueInfo] = [
@@ -97,6 +106,8 @@ def _graph_policy(builder: Builder) -> tuple[str, str]:
     """Add a whole network over viewpoints and return log π_b and log π_a."""
     config = builder.config
     nodes = builder.encoder()
+    if config.beacon_attention:
+        nodes = beacon_attention(builder, nodes)
     robot = builder.op("Gather", nodes, "robot", axis=0)
     waypoints = builder.op("Gather", nodes, "waypoints", axis=0)
     log_beacon = builder.constant(np.zeros(1, dtype=np.float32))
@@ -112,10 +123,12 @@ def _graph_policy(builder: Builder) -> tuple[str, str]:
         repeated = builder.op("Expand", robot, builder.op("Shape", beacons))
         asking = builder.op("Concat", beacons, repeated, axis=1)
     asked = builder.decode("waypoint_decoder", builder.linear("waypoint_decoder.join", asking), nodes)
-    bias = None
+    biases = []
     if config.toward:
-        bias = builder.op("Mul", "toward", builder.constant(builder.arrays["waypoint_decoder.toward"]))
-    return log_beacon, builder.point("waypoint_decoder", asked, waypoints, bias)
+        biases.append(builder.op("Mul", "toward", builder.constant(builder.arrays["waypoint_decoder.toward"])))
+    if config.detours:
+        biases.append(detour_bias(builder))
+    return log_beacon, builder.point("waypoint_decoder", asked, waypoints, *biases)
 
 
 def _image_policy(builder: Builder) -> tuple[str, str]:

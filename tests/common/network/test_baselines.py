@@ -15,7 +15,7 @@ from common.network.factory import make_policy_network
 from common.network.graph_arrays import GraphArrays
 from common.network.graph_batch import GraphBatch
 from common.network.image_inference import place_tents
-from common.network.parameters import initial_parameters, parameter_shapes, with_features
+from common.network.parameters import initial_parameters, parameter_shapes, with_options
 from common.network.segment import segment_sum
 from common.network.state import to_arrays
 from common.observations.features import FEATURE_NAMES
@@ -114,4 +114,4 @@ def test_what_a_baseline_cannot_do_is_refused() -> None:
     with pytest.raises(ValidationError, match="reads no route"):
         NetworkConfig(variant="cnn", features="guided")
     with pytest.raises(WeightsError, match=r"features 'ca' cannot go on with 'extended'"):
-        with_features({}, CONFIGS["ca"], NetworkConfig())
+        with_options({}, CONFIGS["ca"], NetworkConfig())

@@ -12,6 +12,7 @@ from common.network import reduction
 from common.network.graph_arrays import GraphArrays
 from common.observations.index import neighbour_table
 from tests.observations import random_batch
+from tests.paths import all_path_lengths, edge_lengths
 
 
 @settings(max_examples=25, deadline=None)
@@ -53,26 +54,15 @@ def test_toward_tells_which_waypoints_begin_a_shortest_path_to_a_beacon(seed: in
     batch = random_batch(np.random.default_rng(seed), 2, (2, 20))
     arrays = GraphArrays.from_observations(batch, NetworkConfig(toward=True))
     table = neighbour_table(batch)
+    every_path = list(all_path_lengths(batch, table))
     for (g, beacon, waypoint), found in zip(arrays.pairs, arrays.toward, strict=True):
-        # Floyd and Warshall, with the target as an end point alone.
-        first, last = int(table.node_ptr[g]), int(table.node_ptr[g + 1])
-        lengths = np.full((last - first, last - first), np.inf)
-        for row in range(first, last):
-            for slot, other in enumerate(table.rows[row]):
-                if other >= 0:
-                    lengths[row - first, other - first] = min(
-                        table.lengths[row, slot], lengths[row - first, other - first]
-                    )
-        np.fill_diagonal(lengths, 0.0)
-        between = lengths.copy()
-        target = last - first - 1 if batch.has_target[g] else -1
-        for middle in range(last - first):
-            if middle != target:
-                between = np.minimum(between, between[:, middle, None] + between[None, middle])
+        first, between = int(table.node_ptr[g]), every_path[g]
+        target = len(between) - 1 if batch.has_target[g] else -1
         robot = int(batch.robot[g])
         b, w = int(arrays.beacon_rows[beacon]) - first, int(arrays.waypoint_rows[waypoint]) - first
         rest = 0.0 if w == b else (np.inf if w == target else between[w, b])
-        expected = np.isfinite(between[robot, b]) and abs(lengths[robot, w] + rest - between[robot, b]) < 1e-6
+        step = edge_lengths(batch, table, g)[robot, w]
+        expected = np.isfinite(between[robot, b]) and abs(step + rest - between[robot, b]) < 1e-6
         assert found == expected
 
 

@@ -36,6 +36,8 @@ CONFIGS = {
     name: NetworkConfig(variant=name, features=features, graph=graph, width=32, heads=4, layers=2)
     for name, features, graph in (("ariadne", "ariadne", "full"), ("ca", "ca", "reduced"), ("cnn", "paper", "full"))
 }
+CONFIGS["beacon-attention"] = NetworkConfig(width=32, heads=4, layers=1, graph="reduced", beacon_attention=2)
+CONFIGS["detours"] = NetworkConfig(width=32, heads=4, layers=1, toward=True, detours=True)
 
 
 def trained(config: NetworkConfig) -> dict[str, np.ndarray]:
