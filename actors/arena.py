@@ -119,9 +119,9 @@ class Arena:
             make_goal(task),
             self._reward,
             limit,
-            make_expert(task, mapping) if self._privileged else None,
+            make_expert(task, mapping, hints=self._config.hinted) if self._privileged else None,
             ReferenceRoute(mapping) if self._config.network.features == "guided" else None,
-            images=self._config.network.reads_image,
+            images=self._config.network.image_scale,
         )
         return Stage(world, environment)
 

@@ -13,7 +13,7 @@ from actors.simulators.base import Leg, Simulator
 from actors.step import Step, StepInfo
 from actors.tasks import Goal
 from actors.tasks.coverage import Coverage
-from common.config import MappingConfig, RewardConfig
+from common.config import ImageScale, MappingConfig, RewardConfig
 from common.errors import ConfigError, HDError, MapError
 from common.mapping.mapper import Mapper
 from common.messages.experience import End
@@ -63,7 +63,7 @@ class Environment:
         expert: Expert | None = None,
         reference: ReferenceRoute | None = None,
         *,
-        images: bool = False,
+        images: ImageScale | None = None,
     ) -> None:
         """Put the parts together.
 
@@ -75,7 +75,7 @@ class Environment:
             max_steps: decisions before the episode is truncated.
             expert: privileged expert for labels and for privileged rewards.
             reference: writes the route of a classical planner into each observation, for policies that read it.
-            images: draw the belief into each observation, for policies that read that.
+            images: draw the belief into each observation at this scale, for policies that read that.
 
         Raises:
             ConfigError: a privileged reward without an expert.
@@ -262,7 +262,7 @@ class Environment:
         elif self.steps >= self.max_steps:
             self.end, self.reason = End.TRUNCATED, "step limit"
         if self._reference is not None and self._on_lattice and self.end is not End.TERMINAL:
-            self._observation = self._reference.observe(self.mapper, self.pose)
+            self._observation = self._reference.observe(self.mapper, self.pose, image=self._images)
 
     def _check_going(self) -> None:
         if self.end is not End.NONE:

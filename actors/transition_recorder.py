@@ -75,11 +75,15 @@ class TransitionRecorder:
     def _cut(self, end: End) -> None:
         labels = None
         if len(self._expert_labels) == len(self._rewards):
+            gains = [label.gain for label in self._expert_labels if label.gain is not None]
+            truths = [label.truth for label in self._expert_labels if label.truth is not None]
             labels = ExpertLabels(
                 cost=np.concatenate([expert_label.cost for expert_label in self._expert_labels]),
                 beacon=np.array([expert_label.beacon for expert_label in self._expert_labels], dtype=np.int32),
                 remaining=np.array([expert_label.remaining for expert_label in self._expert_labels], dtype=np.float32),
                 unseen=np.array([expert_label.unseen for expert_label in self._expert_labels], dtype=np.float32),
+                gain=np.concatenate(gains) if gains else None,
+                truth=np.stack(truths) if truths else None,
             )
         chunk = Chunk(
             episode=self._episode,

@@ -56,7 +56,7 @@ def warm_up(network: NetworkConfig) -> None:
         reward = RewardConfig(kind="potential")
         reference = ReferenceRoute(mapping) if network.features == "guided" else None
         expert = make_expert(task, mapping)
-        images = network.reads_image
+        images = network.image_scale
         environment = Environment(simulator, mapping, make_goal(task), reward, 4, expert, reference, images=images)
         for driver in (PolicyDriver(policy, rng), ExpertDriver()):
             run_episode(environment, world, driver, role, seed=0, recorder=recorder, label=True)

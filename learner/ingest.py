@@ -78,6 +78,7 @@ class Ingest:
         """Monotonic seconds of the newest report of an evaluator."""
         self._keep_replay = config.checkpoints.replay
         self._images = config.network.reads_image
+        self._hints = config.hinted
         self._journal = journal
         certified = certified_hosts(config.bus)
         self.host_of: Callable[[str], str] = partial(host_of, certified=certified)
@@ -296,7 +297,14 @@ class Ingest:
             )
         if isinstance(delivery.body, Chunk) and (delivery.body.observations.image is not None) != self._images:
             raise RefusedError(
-                f"observations of this run must have {'an' if self._images else 'no'} image (network.variant): make "
+                f"observations of this run must have {'an' if self._images else 'no'} image (network.variant, "
+                "network.belief_map): make them as the run's specification says"
+            )
+
+        labels = delivery.body.labels if isinstance(delivery.body, Chunk) else None
+        if labels is not None and (labels.gain is not None) != self._hints:
+            raise RefusedError(
+                f"labels of this run must have {'' if self._hints else 'no '}hints (cloning.auxiliary_weight): make "
                 "them as the run's specification says"
             )
 

@@ -67,7 +67,12 @@ class Trainer:
         self.config = config
         self.algorithm = algorithm
         self._evaluators = tuple(evaluators)
-        self.replay = ReplayBuffer(config.replay.capacity, config.replay.max_bytes, images=config.network.reads_image)
+        self.replay = ReplayBuffer(
+            config.replay.capacity,
+            config.replay.max_bytes,
+            images=config.network.reads_image,
+            hints=config.hinted,
+        )
         self.limiter = RateLimiter(
             config.learner.updates_per_step, config.learner.ratio_tolerance, config.replay.min_steps
         )

@@ -31,9 +31,9 @@ def warm_up(config: RunConfig, device: torch.device) -> None:
     """
     began = time.monotonic()
     logger.info("preparing the kernels; a fresh installation takes a minute for it")
-    images = config.network.reads_image
-    replay = ReplayBuffer(capacity=1_000, max_bytes=30_000_000, images=images)
-    replay.add(decode(encode(Delivery("warm-up", 0, 0, _chunk(images))), Delivery))
+    images, hints = config.network.reads_image, config.hinted
+    replay = ReplayBuffer(capacity=1_000, max_bytes=30_000_000, images=images, hints=hints)
+    replay.add(decode(encode(Delivery("warm-up", 0, 0, _chunk(images, hints))), Delivery))
     rng = np.random.default_rng(0)
     once = {"updates": 1, "anchor_weight": 0.1}
     small = config.model_copy(
@@ -51,7 +51,7 @@ def warm_up(config: RunConfig, device: torch.device) -> None:
         logger.info("the kernels are ready after %.0f s", seconds)
 
 
-def _chunk(images: bool) -> Chunk:
+def _chunk(images: bool, hints: bool) -> Chunk:
     """Make a short episode to and fro on a lattice of 3 x 3 viewpoints, with labels."""
     observations = [_observation(robot, images) for robot in (4, 5, 4)]
     steps = len(observations) - 1
@@ -71,6 +71,8 @@ def _chunk(images: bool) -> Chunk:
             beacon=np.zeros(steps, dtype=np.int32),
             remaining=np.full(steps, 8.0, dtype=np.float32),
             unseen=np.full(steps, 50.0, dtype=np.float32),
+            gain=np.full(9 * steps, 0.1, dtype=np.float32) if hints else None,
+            truth=np.zeros((steps, len(IMAGES), IMAGE_SIDE**2), dtype=np.uint8) if hints else None,
         ),
         end=End.TERMINAL,
     )

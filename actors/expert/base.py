@@ -27,12 +27,16 @@ class ExpertLabel:
         beacon: node number of the first beacon that the expert's route reaches, -1 when there is none.
         remaining: T(s), metres that the best route still takes from here.
         unseen: reachable area that is not seen yet, square metres; 0 in navigation, where it does not count.
+        gain: see `ExpertLabels`, float32, shape (viewpoints,); None where nobody asks.
+        truth: likewise, uint8, shape (2, pixels).
     """
 
     cost: NDArray[np.float32]
     beacon: int
     remaining: float
     unseen: float = 0.0
+    gain: NDArray[np.float32] | None = None
+    truth: NDArray[np.uint8] | None = None
 
 
 class Expert(Protocol):

@@ -3,7 +3,7 @@
 from common.config.bus import ActorConfig, BusConfig
 from common.config.learning import AdamConfig, CloningConfig, ContrastiveConfig, LearnerConfig, PpoConfig, SacConfig
 from common.config.load import load_config, preset_names, resolve
-from common.config.network import NetworkConfig
+from common.config.network import ImageScale, NetworkConfig
 from common.config.run import RunConfig
 from common.config.section import Fraction, Positive, Section
 from common.config.storage import CheckpointConfig, JournalConfig, ReplayConfig, TrackingConfig
@@ -19,6 +19,7 @@ __all__ = [
     "ContrastiveConfig",
     "FamilyConfig",
     "Fraction",
+    "ImageScale",
     "JournalConfig",
     "LearnerConfig",
     "MappingConfig",

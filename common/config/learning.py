@@ -128,6 +128,11 @@ class CloningConfig(Section):
     max_cost: Positive = 10.0
     """Costs are clipped at this many units."""
 
+    auxiliary_weight: Annotated[float, Field(ge=0.0)] = 0.0
+    """Weight of what the network learns to foresee besides, wherever the imitation loss counts: the free space beyond
+    frontiers, and what each viewpoint would show. The actors' simulators tell; needs `network.belief_map`. 0 leaves it
+    out."""
+
     @property
     def enabled(self) -> bool:
         """Whether actors must label their states."""

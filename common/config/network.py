@@ -8,6 +8,9 @@ from pydantic import Field, model_validator
 
 from common.config.section import Section
 
+ImageScale = Literal["range", "spacing"]
+"""By what the images of an observation are measured: ranges of the sensor, or lattice steps."""
+
 
 class NetworkConfig(Section):
     """Encoder, beacon decoder and waypoint decoder (paper, section IV), or the network of a learned baseline."""
@@ -37,12 +40,25 @@ class NetworkConfig(Section):
     toward: bool = False
     """Bias the waypoint decoder's logits by which waypoints lie on a shortest path to which beacon."""
 
+    belief_map: bool = False
+    """Read the belief around the robot as a map: a small U-Net over free, occupied and unknown space, one cell to a
+    lattice step near the robot and one to four farther away (up to 46 steps); its value at each viewpoint is added to
+    the viewpoint's embedding. Observations then have images."""
     beacon_attention: Annotated[int, Field(ge=0, le=8)] = 0
     """Layers of full self-attention among the robot, all beacons and the target, biased by the lengths of the shortest
     paths between them; what they learn is added to their nodes. 2 is a good number; 0 leaves them out."""
     detours: bool = False
     """Bias the waypoint decoder's logits by how each waypoint lies to each beacon: the detour through it, and whether
     it is on a shortest path."""
+
+    @model_validator(mode="after")
+    def _maps_are_drawn(self) -> NetworkConfig:
+        if self.belief_map and (self.baseline or self.features not in ("extended", "guided")):
+            raise ValueError(
+                "belief_map draws what the features 'extended' tell: set network.features to 'extended' or 'guided', "
+                "and network.variant to 'hdplanner', 'hierarchical' or 'vanilla'"
+            )
+        return self
 
     @model_validator(mode="after")
     def _beacons_are_chosen(self) -> NetworkConfig:
@@ -66,7 +82,7 @@ class NetworkConfig(Section):
             raise ValueError(
                 f"toward biases pairs of beacon and waypoint, and variant {self.variant!r} has none: unset it"
             )
-        if self.reads_image and self.features == "guided":
+        if self.variant == "cnn" and self.features == "guided":
             raise ValueError(f"variant {self.variant!r} reads no route: set network.features to 'paper'")
         return self
 
@@ -94,7 +110,14 @@ class NetworkConfig(Section):
     @property
     def reads_image(self) -> bool:
         """Whether observations must have an image of the map."""
-        return self.variant == "cnn"
+        return self.image_scale is not None
+
+    @property
+    def image_scale(self) -> ImageScale | None:
+        """By what images of the map are measured; None where they are not read."""
+        if self.variant == "cnn":
+            return "range"
+        return "spacing" if self.belief_map else None
 
     @property
     def sees_target(self) -> bool:

@@ -97,6 +97,15 @@ class RunConfig(Section):
         return self
 
     @model_validator(mode="after")
+    def _hints_are_read(self) -> RunConfig:
+        if self.hinted and not (self.network.belief_map and (self.cloning.enabled or self.labelled)):
+            raise ValueError(
+                "cloning.auxiliary_weight teaches networks that read the belief as a map, by the expert's labels: set "
+                "network.belief_map to true and cloning.updates to more than 0, or cloning.auxiliary_weight to 0"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _targets_are_seen(self) -> RunConfig:
         # Other tasks than the shipped ones are checked where they are loaded.
         targets = self.both_tasks or self.task.name == NAVIGATION.name
@@ -175,6 +184,11 @@ class RunConfig(Section):
             if navigation:
                 return navigation
         return maps.validation if evaluate else maps.train
+
+    @property
+    def hinted(self) -> bool:
+        """Whether the expert's labels hold hints of what the robot cannot see yet."""
+        return self.cloning.auxiliary_weight > 0.0
 
     @property
     def labelled(self) -> bool:

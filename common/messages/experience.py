@@ -38,12 +38,19 @@ class ExpertLabels:
         beacon: node number of the first beacon that the expert's route reaches, -1 where unknown, int32, shape (k,).
         remaining: T(s), metres that the best route still takes from each state, float32, shape (k,).
         unseen: reachable area that is not seen yet, square metres, float32, shape (k,); 0 in navigation.
+        gain: what each viewpoint would show, as a share of the area of the sensor's disc, the viewpoints of all
+            decisions behind one another, -1 where unknown, float32; None unless the run asks for hints
+            (`cloning.auxiliary_weight`).
+        truth: the true map around the robot, drawn as the images of the observations are, uint8, shape (k, 2, pixels);
+            None together with `gain`.
     """
 
     cost: NDArray[np.float32]
     beacon: NDArray[np.int32]
     remaining: NDArray[np.float32]
     unseen: NDArray[np.float32]
+    gain: NDArray[np.float32] | None = None
+    truth: NDArray[np.uint8] | None = None
 
 
 @dataclass(frozen=True, slots=True)

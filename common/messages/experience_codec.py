@@ -19,6 +19,8 @@ MAX_FAMILY = 255
 MAX_REWARD = 1e6
 MAX_METRES = 1e6
 MAX_UNSEEN = 1e9
+# Of the sensor's disc; cells that it touches count whole.
+MAX_GAIN = 10.0
 # The sums over an episode of the longest kind.
 MAX_DISTANCE = 1e7
 MAX_EPISODE_REWARD = 1e9
@@ -69,8 +71,13 @@ def _chunk_fields(chunk: Chunk) -> dict[str, Any]:
         "rewards": chunk.rewards,
         "versions": chunk.versions,
         "probabilities": chunk.probabilities,
-        "labels": None if labels is None else {name: getattr(labels, name) for name in _LABELS},
+        "labels": None if labels is None else _label_fields(labels),
     }
+
+
+def _label_fields(labels: ExpertLabels) -> dict[str, Any]:
+    columns = {name: getattr(labels, name) for name in _LABELS}
+    return {name: column for name, column in columns.items() if column is not None}
 
 
 def _observation_fields(batch: ObservationBatch) -> dict[str, Any]:
@@ -102,7 +109,7 @@ def _read_chunk(fields: Fields) -> Chunk:
     columns = fields.fields("observations")
     observations = _read_observations(columns, k + (end is not End.NONE))
     inner = fields.optional_fields("labels")
-    labels = None if inner is None else _read_labels(inner, k)
+    labels = None if inner is None else _read_labels(inner, k, int(observations.count[:k].sum()))
     expert = None if labels is None else labels.beacon
     choices = check_choices(observations, beacons, waypoints, expert, fields.path)
     if labels is not None and len(labels.cost) != choices:
@@ -145,13 +152,18 @@ def _read_observations(fields: Fields, k: int) -> ObservationBatch:
     return batch
 
 
-def _read_labels(fields: Fields, k: int) -> ExpertLabels:
+def _read_labels(fields: Fields, k: int, viewpoints: int) -> ExpertLabels:
+    hints = fields.has("gain") or fields.has("truth")
     labels = ExpertLabels(
         cost=fields.array("cost", np.float32, (None,)),
         beacon=fields.array("beacon", np.int32, (k,)),
         remaining=fields.array("remaining", np.float32, (k,)),
         unseen=fields.array("unseen", np.float32, (k,)),
+        gain=fields.array("gain", np.float32, (viewpoints,)) if hints else None,
+        truth=fields.array("truth", np.uint8, (k, len(IMAGES), IMAGE_SIDE**2)) if hints else None,
     )
+    if labels.gain is not None:
+        _check_range(fields, "gain", labels.gain, MAX_GAIN, -1.0)
     _check_range(fields, "cost", labels.cost, MAX_METRES)
     _check_range(fields, "remaining", labels.remaining, MAX_METRES)
     _check_range(fields, "unseen", labels.unseen, MAX_UNSEEN)

@@ -7,6 +7,7 @@ from torch import Tensor, nn
 from common.config import NetworkConfig
 from common.network.attention import EdgeAttention
 from common.network.beacon_attention import BeaconAttention
+from common.network.belief_map import BeliefMap
 from common.network.feedforward import FeedForward
 from common.network.graph_batch import GraphBatch
 from common.observations.features import feature_count
@@ -36,12 +37,21 @@ class Encoder(nn.Module):
         self.embedding = nn.Linear(feature_count(config.features), config.width)
         self.layers = nn.ModuleList(EncoderLayer(config) for _ in range(config.layers))
         self.norm = nn.LayerNorm(config.width)
+        self.belief_map = BeliefMap(config) if config.belief_map else None
         self.beacon_attention = BeaconAttention(config) if config.beacon_attention else None
 
     def forward(self, batch: GraphBatch) -> Tensor:
         """Encode all nodes of a batch: float32 or the autocast type, shape (nodes, d)."""
+        return self.encode(batch)[0]
+
+    def encode(self, batch: GraphBatch) -> tuple[Tensor, Tensor | None]:
+        """Encode all nodes; return also the values of the belief's cells, (cells, channels), where it is read."""
         nodes: Tensor = self.embedding(batch.features)
+        values: Tensor | None = None
+        if self.belief_map is not None:
+            shown, values = self.belief_map(batch)
+            nodes = nodes + shown
         for layer in self.layers:
             nodes = layer(nodes, batch)
         nodes = self.norm(nodes)
-        return nodes if self.beacon_attention is None else self.beacon_attention(nodes, batch)
+        return (nodes if self.beacon_attention is None else self.beacon_attention(nodes, batch)), values

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from common.config import NetworkConfig
 from common.network.reduction import kept_rows, renumbered
+from common.observations.belief_raster import belief_raster
 from common.observations.features import (
     DISTANCE_SCALE,
     FEATURE_NAMES,
@@ -63,6 +64,8 @@ class GraphArrays:
             and `pair_features`, unless the network reads them.
         token_ptr: first token of each observation, then their number, int64, shape (k + 1,).
         closeness: see `common.observations.overview.Overview.closeness`.
+        raster: see `common.observations.belief_raster`, float32; empty, as `cells`, unless the network reads it.
+        cells: cell of each node in it, int64, shape (nodes,).
         pair_features: of each pair, float32, shape (total pairs, features), see `Overview.pairs` there.
     """
 
@@ -84,6 +87,8 @@ class GraphArrays:
     token_ptr: NDArray[np.int64]
     closeness: NDArray[np.float32]
     pair_features: NDArray[np.float32]
+    raster: NDArray[np.float32]
+    cells: NDArray[np.int64]
 
     def __len__(self) -> int:
         return len(self.robot_rows)
@@ -97,8 +102,8 @@ class GraphArrays:
         """
         if config.reads_image and batch.image is None:
             raise ValueError(
-                f"a network of variant {config.variant!r} reads images, and these observations have none: observe with "
-                "`mapper.observe(image=True)`"
+                f"this network reads images, and these observations have none: observe with "
+                f"`mapper.observe(image={config.image_scale!r})`"
             )
         table = neighbour_table(batch)
         neighbours, node_ptr = table.rows, table.node_ptr
@@ -113,12 +118,16 @@ class GraphArrays:
             on_path = features[:, _ON_PATH] > 0.0 if read != "paper" else np.ones(len(features), dtype=np.bool_)
             toward = paths_toward(batch, table, paths, on_path)
         overview = _overview(batch, table, features, robot_rows) if config.reads_overview else None
+        raster, cells = np.zeros((0, 0), dtype=np.float32), np.zeros(0, dtype=np.int64)
+        if config.belief_map and batch.image is not None:
+            raster, cells = belief_raster(batch.image, features, node_ptr)
         first = np.arange(len(nodes))
         if not whole:
             kept = kept_rows(features, neighbours, robot_rows, node_ptr, tokens=config.graph == "tokens")
             place = np.where(kept, np.cumsum(kept) - 1, -1)
             neighbours = renumbered(neighbours, kept, place)
             features, first = features[kept], first[kept]
+            cells = cells[kept] if config.belief_map else cells
             node_ptr = np.append(0, np.cumsum(kept))[node_ptr]
             nodes, robot_rows = nodes[kept], place[robot_rows]
             toward = toward[kept] if toward is not None else None
@@ -159,11 +168,13 @@ class GraphArrays:
             nodes=nodes,
             has_beacons=config.hierarchical,
             toward=begins,
-            image=batch.image if config.reads_image else None,
+            image=batch.image if config.variant == "cnn" else None,
             token_rows=token_rows,
             token_ptr=token_ptr,
             closeness=closeness,
             pair_features=pair_features,
+            raster=raster,
+            cells=cells,
         )
 
     @property

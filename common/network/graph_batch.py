@@ -40,6 +40,8 @@ class GraphBatch:
         token_rows: int64, shape (total tokens,).
         closeness: as in `GraphArrays`.
         pair_features: as in `GraphArrays`.
+        raster: as in `GraphArrays`.
+        cells: as in `GraphArrays`.
     """
 
     arrays: GraphArrays
@@ -62,6 +64,8 @@ class GraphBatch:
     token_rows: Tensor
     closeness: Tensor
     pair_features: Tensor
+    raster: Tensor
+    cells: Tensor
 
     def __len__(self) -> int:
         return len(self.robot_rows)
@@ -96,6 +100,8 @@ class GraphBatch:
             token_rows=torch.from_numpy(arrays.token_rows),
             closeness=torch.from_numpy(arrays.closeness),
             pair_features=torch.from_numpy(arrays.pair_features),
+            raster=torch.from_numpy(arrays.raster),
+            cells=torch.from_numpy(arrays.cells),
         )
 
     def to(self, device: torch.device | str) -> GraphBatch:

@@ -26,10 +26,10 @@ class HierarchicalNetwork(PolicyNetwork):
 
     def forward(self, batch: GraphBatch) -> PolicyOutput:
         """Compute all log-probabilities of a batch."""
-        nodes = self.encoder(batch)
+        nodes, cells = self.encoder.encode(batch)
         log_waypoint, waypoint_features = self.waypoint_decoder(nodes, batch)
         if self.beacon_decoder is None:
             log_beacon, beacon_features = torch.zeros_like(batch.beacon_rows, dtype=torch.float32), None
         else:
             log_beacon, beacon_features = self.beacon_decoder(nodes, batch)
-        return PolicyOutput(log_beacon, log_waypoint, beacon_features, waypoint_features)
+        return PolicyOutput(log_beacon, log_waypoint, beacon_features, waypoint_features, nodes, cells)

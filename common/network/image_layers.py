@@ -14,7 +14,7 @@ CHANNELS: Final = 2
 
 
 class ImageLayer(NamedTuple):
-    """A convolution without padding, and a ReLU.
+    """A convolution and a ReLU.
 
     Attributes:
         name: of its weights, which are a matrix (outputs, inputs * side * side).
@@ -23,6 +23,7 @@ class ImageLayer(NamedTuple):
         side: of its kernel.
         stride: of its kernel.
         result: side of what it makes.
+        padding: zeros around what it reads.
     """
 
     name: str
@@ -31,6 +32,7 @@ class ImageLayer(NamedTuple):
     side: int
     stride: int
     result: int
+    padding: int = 0
 
     @property
     def values(self) -> int:

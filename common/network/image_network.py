@@ -28,30 +28,14 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from common.config import NetworkConfig
+from common.network.convolution import Convolution
 from common.network.graph_batch import GraphBatch
-from common.network.image_layers import TABLE_SIDE, ImageLayer, image_layers
+from common.network.image_layers import TABLE_SIDE, image_layers
 from common.network.logits import LOGIT_LIMIT
 from common.network.policy_network import PolicyNetwork, PolicyOutput
 from common.network.segment import segment_log_softmax
 from common.observations.features import DISTANCE_SCALE
 from common.observations.observation import IMAGE_SIDE, IMAGES
-
-
-class Convolution(nn.Module):
-    """A convolution whose weights are a matrix, as all weights on the bus have two dimensions at most."""
-
-    def __init__(self, layer: ImageLayer) -> None:
-        super().__init__()
-        inputs = layer.inputs * layer.side**2
-        self.layer = layer
-        self.weight = nn.Parameter(torch.empty(layer.outputs, inputs).uniform_(-(inputs**-0.5), inputs**-0.5))
-        self.bias = nn.Parameter(torch.empty(layer.outputs).uniform_(-(inputs**-0.5), inputs**-0.5))
-
-    def forward(self, images: Tensor) -> Tensor:
-        """Map (k, inputs, side, side) to (k, outputs, result, result)."""
-        layer = self.layer
-        kernel = self.weight.view(layer.outputs, layer.inputs, layer.side, layer.side)
-        return functional.relu(functional.conv2d(images, kernel, self.bias, layer.stride))
 
 
 class ImageTower(nn.Module):

@@ -67,6 +67,8 @@ class OnnxNetwork:
             "toward": graph.toward.reshape(beacons, -1),
             "image": None if graph.image is None else graph.image[0],
             "steps": graph.waypoint_steps,
+            "raster": graph.raster[0] if len(graph.raster) else None,
+            "cells": graph.cells,
             "tokens": graph.token_rows,
             "closeness": graph.closeness.reshape(tokens, tokens, CLOSENESS),
             "pair_features": graph.pair_features.reshape(beacons, -1, PAIR_FEATURES),

@@ -9,14 +9,20 @@ from numpy.typing import NDArray
 
 from common.config import NetworkConfig
 from common.errors import WeightsError
-from common.network.image_layers import TABLE_SIDE, image_layers
+from common.network.belief_layers import belief_layers
+from common.network.image_layers import TABLE_SIDE, ImageLayer, image_layers
 from common.observations.features import FEATURE_NAMES, feature_count
 from common.observations.observation import IMAGES
 from common.observations.overview import CLOSENESS, PAIR_FEATURES
 
-_OPTIONS = ("encoder.beacon_attention.", "waypoint_decoder.detours.", "waypoint_decoder.toward")
+_OPTIONS = ("encoder.belief_map.", "encoder.beacon_attention.", "waypoint_decoder.detours.", "waypoint_decoder.toward")
 # The last maps of options: while they are zero, a network decides as without the option.
-_SILENT = ("encoder.beacon_attention.out.", "waypoint_decoder.detours.fall.", "waypoint_decoder.toward")
+_SILENT = (
+    "encoder.belief_map.out.",
+    "encoder.beacon_attention.out.",
+    "waypoint_decoder.detours.fall.",
+    "waypoint_decoder.toward",
+)
 
 Shapes = dict[str, tuple[int, ...]]
 Arrays = Mapping[str, NDArray[np.float32]]
@@ -43,6 +49,11 @@ class _Shapes:
         """Add a network over viewpoints: of the paper's variants, or a pointer alone."""
         config, width = self._config, self._config.width
         self.linear("encoder.embedding", feature_count(config.features), width)
+        if config.belief_map:
+            layers = belief_layers(config)
+            for convolution in layers:
+                self.convolution(f"encoder.belief_map.{convolution.name}", convolution)
+            self.linear("encoder.belief_map.out", layers.up_0.outputs, width, bias=False)
         for layer in range(config.layers):
             name = f"encoder.layers.{layer}"
             self.norm(f"{name}.attention_norm")
@@ -67,10 +78,14 @@ class _Shapes:
         """Add a network over images."""
         for name in IMAGES:
             for layer in image_layers(self._config):
-                self.linear(f"encoder.{name}.{layer.name}", layer.inputs * layer.side**2, layer.outputs)
+                self.convolution(f"encoder.{name}.{layer.name}", layer)
         hidden = self._config.feedforward * self._config.width
         self.linear("table.join", len(IMAGES) * image_layers(self._config)[-1].values, hidden)
         self.linear("table.values", hidden, TABLE_SIDE**2)
+
+    def convolution(self, name: str, layer: ImageLayer) -> None:
+        """Add a convolution, whose weights are a matrix."""
+        self.linear(name, layer.inputs * layer.side**2, layer.outputs)
 
     def linear(self, name: str, inputs: int, outputs: int, bias: bool = True) -> None:
         """Add a linear map."""

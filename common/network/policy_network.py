@@ -21,12 +21,16 @@ class PolicyOutput:
         beacon_features: decoded feature of each beacon, shape (total beacons, d); None where no beacon is chosen.
         waypoint_features: decoded feature of each waypoint, shape (total waypoints, d), for the contrastive loss; None
             in networks that it is not for.
+        nodes: encoded feature of each node, shape (nodes, d), for auxiliary losses; None likewise.
+        cells: values of the belief's cells, shape (cells, channels); None where no belief is read.
     """
 
     log_beacon: Tensor
     log_waypoint: Tensor
     beacon_features: Tensor | None
     waypoint_features: Tensor | None
+    nodes: Tensor | None = None
+    cells: Tensor | None = None
 
 
 class PolicyNetwork(nn.Module, ABC):

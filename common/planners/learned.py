@@ -227,10 +227,11 @@ class LearnedPlanner:
 
     def _decide(self, mapper: Mapper, pose: Pose) -> int:
         """Return the node that the network chooses; it notes the beacon and the attention."""
+        image = self.policy.config.image_scale
         if self._reference is None:
-            observation = mapper.observe(image=self.policy.config.reads_image)
+            observation = mapper.observe(image=image)
         else:
-            observation = self._reference.observe(mapper, pose)
+            observation = self._reference.observe(mapper, pose, image=image)
         decision = self.policy.decide(observation, greedy=True, rng=self._random)
         self._beacon = mapper.position(decision.beacon)
         self.attention = Attention(

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from common.config import MappingConfig
+from common.config import ImageScale, MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.observations.observation import MAX_ROUTE, Observation
@@ -43,7 +43,7 @@ class ReferenceRoute:
         self._planner.reset(kind.asked_of(kind.reference, self._planner.tasks), target, 0)
         self.plan = None
 
-    def observe(self, mapper: Mapper, pose: Pose) -> Observation:
+    def observe(self, mapper: Mapper, pose: Pose, *, image: ImageScale | None = None) -> Observation:
         """Return the observation of the last update with the route in it; to be called once for each decision.
 
         The route ends where it leaves the viewpoints that the robot knows: beyond its first 255 of them, at a target,
@@ -52,9 +52,10 @@ class ReferenceRoute:
         Args:
             mapper: updated at the pose.
             pose: where the robot stands.
+            image: see `MapView.observe`.
         """
         assert self._planner is not None
-        observation = mapper.observe()
+        observation = mapper.observe(image=image)
         self.plan = self._planner.plan(mapper, pose)
         if self.plan.waypoint is None:
             return observation

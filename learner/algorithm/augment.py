@@ -1,8 +1,8 @@
 """The eight symmetries of the lattice: a planner's world has no up and no left, so each transition serves eight times.
 
 Symmetry s turns by (s mod 4) quarter turns counter-clockwise, after mirroring x when s >= 4. Symmetry 0 is none. Only
-positions change, and images turn with them: nodes keep their numbers, and with them edges, choices and labels stay as
-they are.
+positions change, and images turn with them, those of the true map too: nodes keep their numbers, and with them edges,
+choices and all other labels stay as they are.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from common.messages.experience import ExpertLabels
 from common.observations.observation import IMAGE_SIDE, ObservationBatch
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.whole import drawn
@@ -55,7 +56,7 @@ def transform_observations(batch: ObservationBatch, symmetries: NDArray[np.int64
         batch,
         offsets=_turn(np.repeat(matrices, batch.count, axis=0), batch.offsets),
         target_offset=_turn(matrices, batch.target_offset),
-        image=None if batch.image is None else np.take_along_axis(batch.image, _SOURCES[symmetries][:, None], axis=2),
+        image=None if batch.image is None else _turn_images(batch.image, symmetries),
     )
 
 
@@ -73,7 +74,20 @@ def transform_transitions(batch: TransitionBatch, symmetries: NDArray[np.int64])
         batch,
         observations=transform_observations(batch.observations, symmetries),
         next_observations=transform_observations(batch.next_observations, symmetries),
+        labels=_turn_truth(batch.labels, symmetries),
+        next_labels=_turn_truth(batch.next_labels, symmetries),
     )
+
+
+def _turn_truth(labels: ExpertLabels | None, symmetries: NDArray[np.int64]) -> ExpertLabels | None:
+    if labels is None or labels.truth is None:
+        return labels
+    return replace(labels, truth=_turn_images(labels.truth, symmetries))
+
+
+def _turn_images(images: NDArray[np.uint8], symmetries: NDArray[np.int64]) -> NDArray[np.uint8]:
+    turned: NDArray[np.uint8] = np.take_along_axis(images, _SOURCES[symmetries][:, None], axis=2)
+    return turned
 
 
 def _turn(matrices: NDArray[np.int16], vectors: NDArray[T]) -> NDArray[T]:

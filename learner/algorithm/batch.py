@@ -88,6 +88,8 @@ def _selected(
         return None
     return ExpertLabels(
         cost=labels.cost[np.repeat(chosen, waypoint_counts(observations))],
+        gain=None if labels.gain is None else labels.gain[np.repeat(chosen, observations.count)],
+        truth=None if labels.truth is None else labels.truth[chosen],
         beacon=labels.beacon[chosen],
         remaining=labels.remaining[chosen],
         unseen=labels.unseen[chosen],

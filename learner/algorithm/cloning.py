@@ -13,6 +13,7 @@ from common.config import CloningConfig
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyOutput
 from common.network.segment import segment_log_softmax, segment_sum
+from learner.algorithm.auxiliary import Hints
 from learner.algorithm.losses import entropies, log_marginal
 from learner.algorithm.whole import mean
 
@@ -28,6 +29,7 @@ class Guidance:
         wanted: probability of each waypoint slot that another teacher than the expert wants, float32, shape (total
             waypoints,).
         follows: observations in which that other teacher is followed, bool, shape (k,).
+        hints: of what the robot cannot see yet; None where the labels have none.
     """
 
     cost: Tensor
@@ -35,6 +37,7 @@ class Guidance:
     labelled: Tensor
     wanted: Tensor
     follows: Tensor
+    hints: Hints | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

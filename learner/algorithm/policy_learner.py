@@ -22,9 +22,10 @@ from common.network.policy_network import PolicyOutput
 from common.network.segment import segment_sum
 from common.network.state import load_arrays, to_arrays
 from learner.algorithm.augment import augment
+from learner.algorithm.auxiliary import AuxiliaryHeads
 from learner.algorithm.base import NotFiniteError, RanksError
 from learner.algorithm.batch import TransitionBatch
-from learner.algorithm.cloning import cloning_loss
+from learner.algorithm.cloning import Guidance, cloning_loss
 from learner.algorithm.device import wants_bf16
 from learner.algorithm.losses import entropies, triplet_loss, triplets, waypoint_marginal
 from learner.algorithm.optimisers import Optimiser, blend, scheduled_rate
@@ -62,7 +63,9 @@ class PolicyLearner(ABC):
         self.ranks: Ranks | None = None
         self.policy = make_policy_network(config.network).to(device)
         self.average = deepcopy(self.policy).requires_grad_(False)
-        self._optimisers = {"policy": Optimiser(self.policy, clip_norm)}
+        self._heads = AuxiliaryHeads(config.network).to(device) if config.hinted else None
+        trained = self.policy if self._heads is None else nn.ModuleList([self.policy, self._heads])
+        self._optimisers = {"policy": Optimiser(trained, clip_norm)}
         self._teachers = Teachers(config)
         self._rng = np.random.default_rng(config.seed)
         self._autocast = wants_bf16(config.learner.precision, device)
@@ -88,7 +91,8 @@ class PolicyLearner(ABC):
 
     def _modules(self) -> dict[str, nn.Module]:
         """Return all that has weights or buffers to save, by name."""
-        return {"policy": self.policy, "average": self.average}
+        heads = {} if self._heads is None else {"auxiliary": self._heads}
+        return {"policy": self.policy, "average": self.average, **heads}
 
     # --- the contract of `Algorithm` -----------------------------------------------------------------------------
 
@@ -201,6 +205,7 @@ class PolicyLearner(ABC):
         with self._precision():
             output = self.policy(sample.now)
         loss = cloning_loss(output, sample.guidance, sample.now, self.config.cloning)
+        total = loss.total + self._auxiliary(output, sample.guidance, metrics)
         rate = scheduled_rate(
             self.config.cloning.learning_rate,
             self.updates,
@@ -212,7 +217,17 @@ class PolicyLearner(ABC):
         metrics["cloning/cross_entropy"] = loss.cross_entropy
         metrics["cloning/beacon_cross_entropy"] = loss.beacon_cross_entropy
         metrics["cloning/following"] = loss.following
-        self._descend(loss.total, rate, output, sample.now, metrics)
+        self._descend(total, rate, output, sample.now, metrics)
+
+    def _auxiliary(self, output: PolicyOutput, guidance: Guidance, metrics: dict[str, Tensor]) -> Tensor:
+        """Return the weighted loss of what the network shall foresee, a scalar; 0 where nothing tells it."""
+        if self._heads is None or guidance.hints is None:
+            return output.log_waypoint.new_zeros(())
+        with self._precision():
+            free, gain = self._heads(output, guidance.hints)
+        metrics["auxiliary/free_space"], metrics["auxiliary/gain"] = free, gain
+        weighted: Tensor = self.config.cloning.auxiliary_weight * (free + gain)
+        return weighted
 
     def _descend(
         self, loss: Tensor, rate: float, output: PolicyOutput, batch: GraphBatch, metrics: dict[str, Tensor]

@@ -94,7 +94,8 @@ class PpoLearner(PolicyLearner):
         imitation = cloning_loss(output, sample.guidance, batch, config.cloning)
         metrics["loss/cloning"] = imitation.total
         metrics["cloning/expected_cost"] = imitation.expected_cost
-        loss = config.ppo.imitation_weight * imitation.total
+        foreseen = self._auxiliary(output, sample.guidance, metrics)
+        loss = config.ppo.imitation_weight * (imitation.total + foreseen)
         detour = -told_rewards(sample.guidance.cost, config)
         log_waypoint = log_marginal(output, batch)
         expected = segment_sum(log_waypoint.exp() * detour, batch.waypoint_graph, len(batch))[returns.rows]

@@ -108,7 +108,8 @@ class SacLearner(PolicyLearner):
             imitation = cloning_loss(output, sample.guidance, sample.now, config.cloning)
             metrics["loss/cloning"] = imitation.total
             metrics["cloning/expected_cost"] = imitation.expected_cost
-            loss = loss + config.cloning.anchor_weight * imitation.total
+            foreseen = self._auxiliary(output, sample.guidance, metrics)
+            loss = loss + config.cloning.anchor_weight * (imitation.total + foreseen)
         self._descend(loss, self._rate(config.adam.policy), output, sample.now, metrics)
         return output
 

@@ -11,6 +11,7 @@ from torch import Tensor
 from common.config import RunConfig
 from common.network.graph_batch import GraphBatch
 from common.observations.index import waypoint_counts
+from learner.algorithm.auxiliary import Hints
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.cloning import Guidance
 from learner.algorithm.teachers import Teachers
@@ -93,6 +94,7 @@ class Sample:
                 labelled=torch.from_numpy(batch.labelled).to(device),
                 wanted=torch.from_numpy(wanted).to(device),
                 follows=torch.from_numpy(follows).to(device),
+                hints=Hints.of(batch.observations, batch.labels, batch.labelled, now.arrays, device),
             )
         return cls(
             now=now.to(device),

@@ -38,13 +38,14 @@ class ReplayBuffer:
         capacity: transitions held at most.
         max_bytes: memory held at most.
         images: every observation that comes has an image; otherwise none has.
+        hints: all labels that come have hints; otherwise none has.
     """
 
-    def __init__(self, capacity: int, max_bytes: int, *, images: bool = False) -> None:
+    def __init__(self, capacity: int, max_bytes: int, *, images: bool = False, hints: bool = False) -> None:
         self.capacity = capacity
         self.max_bytes = max_bytes
         self._lock = threading.Lock()
-        self._store = ObservationStore(capacity, max_bytes, images=images)
+        self._store = ObservationStore(capacity, max_bytes, images=images, hints=hints)
         self._slots = self._store.slots
         self._columns = self._store.columns
         # Arrival numbers count for ever: the observations here are those from _oldest to _next - 1.
@@ -179,7 +180,7 @@ class ReplayBuffer:
     def _store_observations(self, chunk: Chunk) -> int:
         """Append all observations of a chunk, with their labels; return the arrival number of the first."""
         first_arrival = self._next
-        ragged = RaggedParts.of(chunk)
+        ragged = RaggedParts.of(chunk, hints=self._store.hints)
         count = len(chunk.observations)
         if self._store.takes_whole(ragged):
             self._store_piece(chunk, ragged, 0, count)

@@ -69,8 +69,9 @@ class RingKind:
         return sum(np.dtype(dtype).itemsize * width for dtype, width in self.columns)
 
 
-VIEWPOINTS, EDGES, BENT, LINKS, ROUTES, COSTS, PICTURES = range(7)
-"""Numbers of the rings; the last one is there only in buffers whose observations have images."""
+VIEWPOINTS, EDGES, BENT, LINKS, ROUTES, COSTS, PICTURES, GAINS, TRUTHS = range(9)
+"""Numbers of the rings; the last three are there only in buffers whose observations have images, and the last two of
+these only in those whose labels have hints."""
 KINDS = (
     # Offsets, utility, visited + 2 beacon, degree.
     RingKind(((np.int16, 2), (np.uint16, 1), (np.uint8, 1), (np.uint8, 1)), MAX_VIEWPOINTS),
@@ -89,9 +90,14 @@ KINDS = (
 _PICTURES = RingKind(((np.uint8, len(IMAGES) * IMAGE_SIDE**2),), 32)
 
 
-def ring_kinds(images: bool) -> tuple[RingKind, ...]:
-    """Return what the rings of a buffer hold, whose observations have images or not."""
-    return (*KINDS, _PICTURES) if images else KINDS
+# What each viewpoint would show.
+_GAINS = RingKind(((np.float32, 1),), MAX_VIEWPOINTS)
+
+
+def ring_kinds(images: bool, hints: bool) -> tuple[RingKind, ...]:
+    """Return what the rings of a buffer hold, whose observations have images or not, and whose labels have hints."""
+    pictured = (*KINDS, _PICTURES) if images else KINDS
+    return (*pictured, _GAINS, _PICTURES) if hints else pictured
 
 
 def largest_piece(kinds: Sequence[RingKind]) -> int:

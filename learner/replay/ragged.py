@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from common.messages.experience import Chunk
 from common.observations.index import waypoint_counts
+from common.observations.observation import IMAGE_SIDE, IMAGES
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,8 +30,8 @@ class RaggedParts:
     ends: NDArray[np.int64]
 
     @classmethod
-    def of(cls, chunk: Chunk) -> RaggedParts:
-        """Lay out a chunk."""
+    def of(cls, chunk: Chunk, *, hints: bool = False) -> RaggedParts:
+        """Lay out a chunk, of a run whose labels have ``hints`` or have none."""
         batch, labels = chunk.observations, chunk.labels
         choices = waypoint_counts(batch)
         costs = np.zeros(len(batch), dtype=np.int32)
@@ -41,6 +42,14 @@ class RaggedParts:
         if batch.image is not None:
             counts.append(np.ones(len(batch), dtype=np.int32))
             pictures = ((batch.image.reshape(len(batch), -1),),)
+        if hints:
+            gains, truths = np.zeros(len(batch), dtype=np.int32), np.zeros(len(batch), dtype=np.int32)
+            gain, truth = np.zeros(0, dtype=np.float32), np.zeros((0, len(IMAGES) * IMAGE_SIDE**2), dtype=np.uint8)
+            if labels is not None and labels.gain is not None and labels.truth is not None:
+                gains[: chunk.steps], truths[: chunk.steps] = batch.count[: chunk.steps], 1
+                gain, truth = labels.gain, labels.truth.reshape(chunk.steps, -1)
+            counts += [gains, truths]
+            pictures = (*pictures, (gain,), (truth,))
         length = np.array(counts, dtype=np.int32).T
         ends = np.zeros((len(batch) + 1, len(counts)), dtype=np.int64)
         np.cumsum(length, axis=0, out=ends[1:])

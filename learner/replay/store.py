@@ -8,15 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.messages.experience import ExpertLabels
-from common.observations.observation import IMAGES, ObservationBatch
+from common.observations.observation import IMAGE_SIDE, IMAGES, ObservationBatch
 from learner.replay.gather import gather
 from learner.replay.memory import (
     BENT,
     COSTS,
     EDGES,
+    GAINS,
     LINKS,
     PICTURES,
     ROUTES,
+    TRUTHS,
     VIEWPOINTS,
     Ring,
     SlotColumns,
@@ -36,21 +38,24 @@ class ObservationStore:
         capacity: transitions that are to fit.
         max_bytes: memory held at most.
         images: the observations have images; otherwise none has.
+        hints: so do the labels have hints, of observations with images.
 
     Attributes:
         slots: number of rows.
         columns: what is kept of each row beside the rings; those of the actions are the caller's.
         ring_bytes: bytes of live rows in all rings together at most.
         live_bytes: bytes of live rows in all rings together.
+        hints: the labels have hints.
     """
 
-    def __init__(self, capacity: int, max_bytes: int, *, images: bool = False) -> None:
-        kinds = ring_kinds(images)
+    def __init__(self, capacity: int, max_bytes: int, *, images: bool = False, hints: bool = False) -> None:
+        kinds = ring_kinds(images, hints)
         self.slots, self.ring_bytes = plan_memory(capacity, max_bytes, kinds)
         self.columns = SlotColumns.allocate(self.slots, len(kinds))
         self.slot_bytes = SlotColumns.row_bytes(len(kinds))
         self.live_bytes = 0
         self._images = images
+        self.hints = hints
         self._row_bytes = np.array([kind.row_bytes for kind in kinds])
         self._rings = [Ring(kind, self.ring_bytes) for kind in kinds]
 
@@ -142,11 +147,21 @@ class ObservationStore:
         choices = columns.choices[rows]
         cost = np.zeros(int(choices.sum()), dtype=np.float32)
         cost[np.repeat(labelled, choices)] = self._pieces(COSTS, rows[labelled])[0]
+        gain: NDArray[np.float32] | None = None
+        truth: NDArray[np.uint8] | None = None
+        if self.hints:
+            counts = columns.length[rows, VIEWPOINTS]
+            gain = np.full(int(counts.sum()), -1.0, dtype=np.float32)
+            gain[np.repeat(labelled, counts)] = self._pieces(GAINS, rows[labelled])[0]
+            truth = np.zeros((len(rows), len(IMAGES), IMAGE_SIDE**2), dtype=np.uint8)
+            truth[labelled] = self._pieces(TRUTHS, rows[labelled])[0].reshape(-1, *truth.shape[1:])
         return ExpertLabels(
             cost=cost,
             beacon=np.where(labelled, columns.first_beacon[rows], -1).astype(np.int32),
             remaining=np.where(labelled, columns.remaining[rows], np.float32(0.0)),
             unseen=np.where(labelled, columns.unseen[rows], np.float32(0.0)),
+            gain=gain,
+            truth=truth,
         )
 
     def _pieces(self, ring: int, rows: NDArray[np.int64]) -> list[NDArray[Any]]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.config import NetworkConfig
+from common.network.image_layers import ImageLayer
 from common.network.logits import LOGIT_LIMIT
 from common.network.parameters import Arrays
 
@@ -35,8 +36,12 @@ class Builder:
         self.nodes.append(self._helper.make_node(kind, list(inputs), [output], name=f"n{self._count}", **attributes))
         return output
 
-    def encoder(self) -> str:
-        """Encode the viewpoints of the inputs ``features`` and ``neighbours``: (N, d)."""
+    def encoder(self, added: str | None = None) -> str:
+        """Encode the viewpoints of the inputs ``features`` and ``neighbours``: (N, d).
+
+        Args:
+            added: to the embeddings, (N, d).
+        """
         # In the place of absent neighbours stands one that is there, with a bias that leaves it a weight of e^-80:
         # nothing beside its own, and no denormal number, with which processors calculate a hundred times as slowly.
         absent = self.op("Less", "neighbours", self.constant(np.array(0, dtype=np.int64)))
@@ -46,6 +51,8 @@ class Builder:
         )
         bias = self.op("Unsqueeze", bias, self.constant(np.array([1], dtype=np.int64)))  # (N, 1, slots)
         nodes = self.linear("encoder.embedding", "features")
+        if added is not None:
+            nodes = self.op("Add", nodes, added)
         for layer in range(self.config.layers):
             name = f"encoder.layers.{layer}"
             normed = self.norm(f"{name}.attention_norm", nodes)
@@ -110,6 +117,13 @@ class Builder:
         """Apply a linear map to (items, inputs)."""
         weight = self.constant(self.arrays[f"{name}.weight"].T)
         return self.op("Gemm", inputs, weight, self.constant(self.arrays[f"{name}.bias"]))
+
+    def convolution(self, name: str, layer: ImageLayer, images: str) -> str:
+        """Apply a convolution and a ReLU to (k, inputs, side, side)."""
+        kernel = self.arrays[f"{name}.weight"].reshape(layer.outputs, layer.inputs, layer.side, layer.side)
+        bias = self.constant(self.arrays[f"{name}.bias"])
+        strides, pads = [layer.stride] * 2, [layer.padding] * 4
+        return self.op("Relu", self.op("Conv", images, self.constant(kernel), bias, strides=strides, pads=pads))
 
     def feedforward(self, name: str, inputs: str) -> str:
         """Apply a feed-forward block to (items, d)."""

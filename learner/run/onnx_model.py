@@ -10,10 +10,12 @@ from common.config import NetworkConfig
 from common.network.image_layers import TABLE_SIDE, image_layers
 from common.network.logits import LOGIT_LIMIT
 from common.network.parameters import Arrays
+from common.observations.belief_raster import RASTER_CHANNELS, RASTER_SIDE
 from common.observations.features import feature_count
 from common.observations.observation import IMAGE_SIDE, IMAGES
 from common.observations.overview import CLOSENESS, PAIR_FEATURES
 from common.system.extras import optional
+from learner.run.onnx_belief import belief_values
 from learner.run.onnx_builder import Builder
 from learner.run.onnx_overview import beacon_attention, detour_bias
 
@@ -33,6 +35,7 @@ def onnx_model(config: NetworkConfig, arrays: Arrays) -> bytes:
     - ``beacons``: int64, (B,), rows of the beacons; only where beacons are chosen;
     - ``waypoints``: int64, (W,), rows of the waypoints;
     - ``toward``: float32, (B, W), see `GraphArrays`; where the network reads it, as the following;
+    - ``raster``: float32, (2, C, side, side), and ``cells``: int64, (N,), see `common.observations.belief_raster`;
     - ``tokens``: int64, (T,), rows of robot, beacons and target, ascending;
     - ``closeness``: float32, (T, T, 5), how close they are to one another;
     - ``pair_features``: float32, (B, W, 5), how each waypoint lies to each beacon.
@@ -55,7 +58,7 @@ def onnx_model(config: NetworkConfig, arrays: Arrays) -> bytes:
     builder = Builder(config, arrays, onnx.helper, onnx.numpy_helper)
     number, floats, byte = onnx.TensorProto.INT64, onnx.TensorProto.FLOAT, onnx.TensorProto.UINT8
     beacons: str | int = "B" if config.hierarchical else 1
-    if config.reads_image:
+    if config.variant == "cnn":
         log_beacon, log_waypoint = _image_policy(builder)
         inputs: list[ValueInfo] = [
             ("image", byte, [len(IMAGES), IMAGE_SIDE**2]),
@@ -73,6 +76,9 @@ def onnx_model(config: NetworkConfig, arrays: Arrays) -> bytes:
             inputs.insert(3, ("beacons", number, ["B"]))
         if config.toward:
             inputs.append(("toward", floats, [beacons, "W"]))
+        if config.belief_map:
+            inputs.append(("raster", floats, [len(IMAGES), RASTER_CHANNELS, RASTER_SIDE, RASTER_SIDE]))
+            inputs.append(("cells", number, ["N"]))
         if config.beacon_attention:
             inputs += [("tokens", number, ["T"]), ("closeness", floats, ["T", "T", CLOSENESS])]
         if config.detours:
@@ -105,7 +111,7 @@ def onnx_model(config: NetworkConfig, arrays: Arrays) -> bytes:
 def _graph_policy(builder: Builder) -> tuple[str, str]:
     """Add a whole network over viewpoints and return log π_b and log π_a."""
     config = builder.config
-    nodes = builder.encoder()
+    nodes = builder.encoder(belief_values(builder) if config.belief_map else None)
     if config.beacon_attention:
         nodes = beacon_attention(builder, nodes)
     robot = builder.op("Gather", nodes, "robot", axis=0)
@@ -149,11 +155,7 @@ def _image_policy(builder: Builder) -> tuple[str, str]:
     for place, name in enumerate(IMAGES):
         image = builder.op("Gather", shares, builder.constant(np.array([place], dtype=np.int64)), axis=0)
         for layer in image_layers(builder.config):
-            weights = f"encoder.{name}.{layer.name}"
-            kernel = builder.arrays[f"{weights}.weight"].reshape(layer.outputs, layer.inputs, layer.side, layer.side)
-            bias = builder.constant(builder.arrays[f"{weights}.bias"])
-            stride = [layer.stride, layer.stride]
-            image = builder.op("Relu", builder.op("Conv", image, builder.constant(kernel), bias, strides=stride))
+            image = builder.convolution(f"encoder.{name}.{layer.name}", layer, image)
         encoded.append(builder.reshape(image, 1, -1))
     hidden = builder.op("Relu", builder.linear("table.join", builder.op("Concat", *encoded, axis=1)))
     table = builder.reshape(builder.linear("table.values", hidden), TABLE_SIDE, TABLE_SIDE)

@@ -24,7 +24,7 @@ def test_a_pixel_tells_the_shares_of_what_it_covers():
     cells = np.full((60, 60), -1, dtype=np.int8)
     cells[30:32, 30:32] = 0
     cells[32:34, 30:32] = [[0, 100], [-1, 100]]
-    image = occupancy_image(belief_of(cells, 0.5), (15.0, 15.0), 16.0)[0].reshape(IMAGE_SIDE, IMAGE_SIDE)
+    image = occupancy_image(belief_of(cells, 0.5), (15.0, 15.0), (24.0, 128.0))[0].reshape(IMAGE_SIDE, IMAGE_SIDE)
     middle = IMAGE_SIDE // 2
     # The cell (30, 30) begins at (15 m, 15 m), in the middle; rows run upwards.
     assert image[middle, middle] == 15 << 4
@@ -41,7 +41,9 @@ def test_a_turned_world_gives_a_turned_image_at_any_resolution():
         cells = np.kron(world, np.ones((fine, fine), dtype=np.int8))
         resolution = 2.0 / fine
         images = [
-            occupancy_image(belief_of(np.rot90(cells, turn), resolution), (20.0, 20.0), 16.0)[0].reshape(48, 48)
+            occupancy_image(belief_of(np.rot90(cells, turn), resolution), (20.0, 20.0), (24.0, 128.0))[0].reshape(
+                48, 48
+            )
             for turn in range(2)
         ]
         np.testing.assert_array_equal(np.rot90(images[0]), images[1])
@@ -56,7 +58,8 @@ def test_the_mapper_draws_around_the_robot_when_asked():
     mapper.integrate(Scan(ranges, 0.0, np.pi / 36, 8.0), Pose(10.0, 10.0))
     mapper.update(Pose(10.0, 10.0))
     assert mapper.observe().image is None
-    near, far = mapper.observe(image=True).image.reshape(2, IMAGE_SIDE, IMAGE_SIDE)
-    for image, reach in zip((near, far), REACHES, strict=True):
-        shown = (image >> 4).sum() / 15 * (2 * reach * 8.0 / IMAGE_SIDE) ** 2
-        assert 0.8 < shown / mapper.belief.free_area < 1.1
+    for scale, unit in (("range", 8.0), ("spacing", 2.0)):
+        images = mapper.observe(image=scale).image.reshape(2, IMAGE_SIDE, IMAGE_SIDE)
+        for image, reach in zip(images, REACHES[scale], strict=True):
+            shown = (image >> 4).sum() / 15 * (2 * reach * unit / IMAGE_SIDE) ** 2
+            assert 0.8 < shown / mapper.belief.free_area < 1.1

@@ -25,6 +25,7 @@ from tests.observations import random_batch
 from tests.paths import all_path_lengths
 
 OPTIONS: dict[str, dict[str, object]] = {
+    "belief_map": {"belief_map": True},
     "beacon_attention": {"beacon_attention": 2},
     "detours": {"detours": True},
 }
@@ -86,7 +87,7 @@ def test_without_torch_it_decides_alike(option: dict[str, object], seed: int, gr
 @settings(max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1), graph=st.sampled_from(["full", "reduced"]))
 def test_paths_between_beacons_are_measured_on_the_whole_graph(seed: int, graph: str) -> None:
-    batch = random_batch(np.random.default_rng(seed), 2, (2, 20))
+    batch = random_batch(np.random.default_rng(seed), 2, (2, 20), image=True)
     arrays = GraphArrays.from_observations(batch, small(**OPTIONS["all"], graph=graph))
     closeness = iter(arrays.closeness)
     pairs = iter(arrays.pair_features)

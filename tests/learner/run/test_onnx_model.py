@@ -37,6 +37,7 @@ CONFIGS = {
     for name, features, graph in (("ariadne", "ariadne", "full"), ("ca", "ca", "reduced"), ("cnn", "paper", "full"))
 }
 CONFIGS["beacon-attention"] = NetworkConfig(width=32, heads=4, layers=1, graph="reduced", beacon_attention=2)
+CONFIGS["belief-map"] = NetworkConfig(width=32, heads=4, layers=1, graph="reduced", belief_map=True)
 CONFIGS["detours"] = NetworkConfig(width=32, heads=4, layers=1, toward=True, detours=True)
 
 
