@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from common.config import NetworkConfig
 from common.network.graph_arrays import GraphArrays
-from common.network.image_layers import TABLE_SIDE, ImageLayer, image_layers
+from common.network.image_layers import TABLE_SIDE, image_layers
 from common.network.logits import LOGIT_LIMIT, log_softmax
 from common.network.parameters import Arrays
 from common.observations.observation import IMAGE_SIDE, IMAGES
@@ -43,36 +43,17 @@ class ImageInference:
     def _encode(self, name: str, image: NDArray[np.uint8]) -> Array:
         """Return the features of one image, shape (values,)."""
         images = np.stack([image >> 4, image & 15]).astype(np.float32) / np.float32(15.0)
-        images = images.reshape(1, 2, IMAGE_SIDE, IMAGE_SIDE)
+        images = images.reshape(2, IMAGE_SIDE, IMAGE_SIDE)
         for layer in self._layers:
-            weights = f"encoder.{name}.{layer.name}"
-            images = convolve(layer, images, self._weights[f"{weights}.weight"], self._weights[f"{weights}.bias"])
+            windows = sliding_window_view(images, (layer.side, layer.side), axis=(1, 2))
+            windows = windows[:, :: layer.stride, :: layer.stride].transpose(1, 2, 0, 3, 4)
+            patches = windows.reshape(layer.result**2, -1)
+            made = np.maximum(self._linear(f"encoder.{name}.{layer.name}", patches), np.float32(0.0))
+            images = made.T.reshape(layer.outputs, layer.result, layer.result)
         return images.reshape(-1)
 
     def _linear(self, name: str, inputs: Array) -> Array:
         return inputs @ self._weights[f"{name}.weight"] + self._weights[f"{name}.bias"]
-
-
-def convolve(layer: ImageLayer, images: Array, weight: Array, bias: Array) -> Array:
-    """Apply a convolution and a ReLU.
-
-    Args:
-        layer: its shape.
-        images: shape (k, inputs, side, side).
-        weight: shape (inputs * side * side, outputs).
-        bias: shape (outputs,).
-
-    Returns:
-        float32, shape (k, outputs, result, result).
-    """
-    around = layer.padding
-    if around:
-        images = np.pad(images, ((0, 0), (0, 0), (around, around), (around, around)))
-    windows = sliding_window_view(images, (layer.side, layer.side), axis=(2, 3))
-    windows = windows[:, :, :: layer.stride, :: layer.stride].transpose(0, 2, 3, 1, 4, 5)
-    patches = windows.reshape(len(images) * layer.result**2, -1)
-    made = np.maximum(patches @ weight + bias, np.float32(0.0))
-    return made.reshape(len(images), layer.result, layer.result, layer.outputs).transpose(0, 3, 1, 2)
 
 
 def place_tents(steps: Array) -> Array:

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from common.config import NetworkConfig
 from common.network.beacon_inference import beacon_attention, detour_bias
-from common.network.belief_inference import belief_values
-from common.network.belief_layers import belief_layers
+from common.network.belief_inference import BeliefInference
 from common.network.edge_kernels import edge_kernels
 from common.network.graph_arrays import GraphArrays
 from common.network.image_inference import ImageInference
@@ -64,7 +63,7 @@ class GraphInference:
             name: np.ascontiguousarray(value.T if value.ndim == 2 else value) for name, value in arrays.items()
         }
         self._edge_attention, _ = edge_kernels(config.width // config.heads, config.heads)
-        self._belief_layers = belief_layers(config) if config.belief_map else None
+        self._belief = BeliefInference(config, arrays) if config.belief_map else None
         self._buffers: dict[str, Array] = {}
 
     def __call__(self, graph: GraphArrays) -> tuple[Array, Array]:
@@ -109,10 +108,7 @@ class GraphInference:
         hidden = self._buffer("hidden", count, self.config.feedforward * width)
         np.matmul(graph.features, weights["encoder.embedding.weight"], out=nodes)
         bias = weights["encoder.embedding.bias"]
-        if self._belief_layers is None:
-            change[:] = 0.0
-        else:
-            change[:] = belief_values(weights, self._belief_layers, graph)
+        change[:] = 0.0 if self._belief is None else self._belief(graph)
         for layer in range(self.config.layers):
             name = f"encoder.layers.{layer}"
             _add_and_norm(nodes, change, bias, *self._norm(f"{name}.attention_norm"), normed)

@@ -8,7 +8,7 @@ import pytest
 from common.bus import seen
 from common.errors import CheckpointError, RefusedError
 from common.messages.codec import pack
-from common.messages.experience import Delivery
+from common.messages.experience import Delivery, End
 from common.messages.schema import encode
 from learner.algorithm.base import NotFiniteError
 from learner.ingest import Ingest
@@ -19,7 +19,7 @@ from learner.run.episodes import EpisodeLog
 from learner.run.journal import Journal
 from learner.run.records import RecordKind
 from learner.watch import actors
-from tests.learner.experience import deliver, episode_report
+from tests.learner.experience import deliver, episode_chunks, episode_report, observation_pool
 from tests.learner.runs import episodes, small_config
 
 
@@ -27,7 +27,7 @@ def open_ingest(folder, episodes_length=0, config=None):
     config = config or small_config()
     folder.mkdir(exist_ok=True)
     images = config.network.reads_image
-    replay = ReplayBuffer(config.replay.capacity, config.replay.max_bytes, images=images)
+    replay = ReplayBuffer(config.replay.capacity, config.replay.max_bytes, images=images, hints=config.hinted)
     limiter = RateLimiter(1.0, 100, 4)
     journal = Journal(folder / "journal")
     return Ingest(config, replay, limiter, journal, EpisodeLog(folder / "episodes.jsonl", episodes_length)), journal
@@ -70,6 +70,24 @@ def test_observations_without_the_images_that_a_run_reads_are_refused(tmp_path):
             ingest.store(refused)
         ingest.store(taken)
         assert counts(ingest)[0] == body.steps
+        journal.close()
+
+
+def test_labels_without_the_hints_that_a_run_asks_for_are_refused(tmp_path):
+    rng = np.random.default_rng(0)
+    (chunk,) = episode_chunks(rng, observation_pool(size=5, image=True), 4, 4, End.TRUNCATED, labelled=True)
+    gain = np.zeros(int(chunk.observations.count[:4].sum()), dtype=np.float32)
+    hints = {"gain": gain, "truth": np.zeros((4, 2, 48 * 48), dtype=np.uint8)}
+    plain, hinting = deliver([chunk, replace(chunk, labels=replace(chunk.labels, **hints))])
+    network = {"belief_map": True}
+    for weight, taken, refused in ((0.0, plain, hinting), (0.1, hinting, plain)):
+        config = small_config(network=network, cloning={"updates": 1, "auxiliary_weight": weight})
+        ingest, journal = open_ingest(tmp_path / str(weight), config=config)
+        with pytest.raises(RefusedError, match=r"labels of this run must have (no )?hints"):
+            ingest.store(refused)
+        ingest.store(taken)
+        drawn = ingest.replay.sample_labelled(3, rng).labels
+        assert (drawn.gain is not None) == (weight > 0.0)
         journal.close()
 
 

@@ -1,0 +1,94 @@
+"""Regret of policies on the same held-out states: ``python -m benchmarks.regret A.safetensors B.safetensors``.
+
+The first policy drives through fresh worlds of each family, drawing its actions, and the privileged expert labels every
+state on the way. The regret of a policy is the detour, in metres, of the waypoint that it would choose there.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from actors.driver import PolicyDriver
+from actors.environment import Environment
+from actors.episode import Role, run_episode
+from actors.expert import make_expert
+from actors.maps.sources import fixed_set, open_sources
+from actors.simulators.factory import make_simulator
+from actors.tasks import make_goal
+from actors.transition_recorder import TransitionRecorder
+from common.config import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
+from common.messages.experience import Chunk
+from common.policies.policy import Policy
+from common.policies.policy_file import read_policy
+
+FAMILIES = ("rooms", "office", "warehouse", "tunnel")
+# A detour counts at most so many metres, as in imitation.
+LARGEST = 40.0
+
+
+def states(driver: Policy, family: str, worlds: int, steps: int, seed: int) -> list[Chunk]:
+    """Return labelled decisions in fresh worlds of a family, ``steps`` of each world at most."""
+    mapping, task = MappingConfig(), TaskConfig(name="exploration")
+    simulator = make_simulator(SimulatorConfig(name="grid"), mapping.sensor_range)
+    environment = Environment(
+        simulator,
+        mapping,
+        make_goal(task),
+        RewardConfig(),
+        steps,
+        make_expert(task, mapping),
+        images="spacing",
+    )
+    found: list[Chunk] = []
+    recorder = TransitionRecorder(64, found.append)
+    chooser = PolicyDriver(driver, np.random.default_rng(seed))
+    for index, world in enumerate(
+        fixed_set(open_sources([f"generator:{family}?seed={seed}"], 0.25, task.name), worlds)
+    ):
+        run_episode(environment, world, chooser, Role("train", "grid"), seed=index, recorder=recorder, label=True)
+    simulator.close()
+    return found
+
+
+def regret(policy: Policy, chunks: list[Chunk]) -> np.ndarray:
+    """Return the detour of the policy's choice in every state, metres, shape (states,)."""
+    found = []
+    rng = np.random.default_rng(0)
+    for chunk in chunks:
+        assert chunk.labels is not None
+        first = 0
+        for step in range(chunk.steps):
+            observation = chunk.observations[step]
+            waypoints = observation.waypoint_nodes()
+            cost = chunk.labels.cost[first : first + len(waypoints)]
+            first += len(waypoints)
+            chosen = policy.decide(observation, greedy=True, rng=rng).waypoint
+            found.append(min(float(cost[waypoints == chosen][0]), LARGEST))
+    return np.array(found)
+
+
+def run(policies: list[Path], worlds: int = 3, steps: int = 60, seed: int = 3_000_000) -> dict[str, dict[str, float]]:
+    """Return the mean regret of each policy in each family, metres."""
+    loaded = [read_policy(path)[0] for path in policies]
+    figures: dict[str, dict[str, float]] = {path.stem: {} for path in policies}
+    for family in FAMILIES:
+        chunks = states(loaded[0], family, worlds, steps, seed)
+        for path, policy in zip(policies, loaded, strict=True):
+            figures[path.stem][family] = float(regret(policy, chunks).mean())
+    return figures
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("policies", nargs="+", type=Path, help="policy files; the first one drives")
+    parser.add_argument("--worlds", type=int, default=3, help="worlds of each family")
+    parser.add_argument("--steps", type=int, default=60, help="decisions in each world at most")
+    parser.add_argument("--seed", type=int, default=3_000_000, help="of the worlds")
+    arguments = parser.parse_args()
+    table = run(arguments.policies, arguments.worlds, arguments.steps, arguments.seed)
+    print(f"{'policy':<24}" + "".join(f"{family:>12}" for family in FAMILIES))
+    for name, row in table.items():
+        print(f"{name:<24}" + "".join(f"{row[family]:12.2f}" for family in FAMILIES))
