@@ -70,14 +70,16 @@ def regret(policy: Policy, chunks: list[Chunk]) -> np.ndarray:
     return np.array(found)
 
 
-def run(policies: list[Path], worlds: int = 3, steps: int = 60, seed: int = 3_000_000) -> dict[str, dict[str, float]]:
-    """Return the mean regret of each policy in each family, metres."""
+def run(
+    policies: list[Path], worlds: int = 3, steps: int = 60, seed: int = 3_000_000
+) -> dict[str, dict[str, np.ndarray]]:
+    """Return the regret of each policy in every state of each family, metres."""
     loaded = [read_policy(path)[0] for path in policies]
-    figures: dict[str, dict[str, float]] = {path.stem: {} for path in policies}
+    figures: dict[str, dict[str, np.ndarray]] = {path.stem: {} for path in policies}
     for family in FAMILIES:
         chunks = states(loaded[0], family, worlds, steps, seed)
         for path, policy in zip(policies, loaded, strict=True):
-            figures[path.stem][family] = float(regret(policy, chunks).mean())
+            figures[path.stem][family] = regret(policy, chunks)
     return figures
 
 
@@ -89,6 +91,12 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=3_000_000, help="of the worlds")
     arguments = parser.parse_args()
     table = run(arguments.policies, arguments.worlds, arguments.steps, arguments.seed)
-    print(f"{'policy':<24}" + "".join(f"{family:>12}" for family in FAMILIES))
+    first = next(iter(table.values()))
+    print(f"{'mean metres (paired standard error against the first)':<56}")
+    print(f"{'policy':<20}" + "".join(f"{f'{family}, {len(first[family])}':>18}" for family in FAMILIES))
     for name, row in table.items():
-        print(f"{name:<24}" + "".join(f"{row[family]:12.2f}" for family in FAMILIES))
+        cells = []
+        for family in FAMILIES:
+            rest = row[family] - first[family]
+            cells.append(f"{row[family].mean():.2f} ({rest.std() / len(rest) ** 0.5:.2f})")
+        print(f"{name:<20}" + "".join(f"{cell:>18}" for cell in cells))
