@@ -11,6 +11,8 @@ ROS_STAMP := $(ROS_VENV)/.installed
 JOBS ?= 2
 MINUTES ?= 30
 JSON ?= build/bench.json
+# Children that a test starts, and the two processes of a parallel run, read what one has translated.
+unexport PYTHONDONTWRITEBYTECODE
 # A file's tests stay in one process, so that what they share is made once; in the order of tests/conftest.py.
 PARALLEL := -n $(JOBS) --dist loadfile --no-loadscope-reorder
 

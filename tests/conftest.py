@@ -1,6 +1,12 @@
 """What holds for all tests."""
 
+import os
+
 from hypothesis import settings
+
+# Read when torch is imported, here and in every process that a test starts: networks are small and cores are shared,
+# so the threads of an operation would cost more, in waiting for each other, than they bring.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # Kernels compile in the first example, and machines are shared: an example's time says nothing.
 settings.register_profile("hdplanner", deadline=None)
