@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 PARALLEL := -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help install run demo check test test-twice test-all test-page ros-environment test-ros lint types format docs bench bench-compare paper soak faults fuzz clean
+.PHONY: help install kernels run demo check test test-twice test-all test-page ros-environment test-ros lint types format docs bench bench-compare paper soak faults fuzz clean
 
 help:  ## show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -30,6 +30,9 @@ $(STAMP): pyproject.toml constraints.txt
 	touch $@
 
 install: $(STAMP)  ## create .venv and install everything into it
+
+kernels: $(STAMP)  ## compile once what mapping, simulated worlds and the network call
+	$(BIN)/python -m actors.warmup
 
 run: $(STAMP)  ## train here: a learner, two PyBullet actors and an evaluator, with a live view (Ctrl-C stops; run again to resume)
 	@sim=''; $(BIN)/python -c 'import pybullet' 2>/dev/null || { sim='--sim grid'; echo 'no PyBullet here: training with --sim grid'; }; \

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import torch
 from torch import Tensor, nn
+from torch.optim.adam import adam
 
 from common.config import AdamConfig
 from common.errors import CheckpointError
@@ -34,6 +35,9 @@ def scheduled_rate(peak: float, update: int, total_updates: int, config: AdamCon
 class Optimiser:
     """Adam over the weights of one module, in two halves: a gradient first, the step once all of an update is sound.
 
+    It keeps the moments itself and calls PyTorch's function, not its class, whose first use imports PyTorch's compiler:
+    a second or two of each start.
+
     Args:
         module: what it trains.
         clip_norm: gradients are scaled down to this norm; None leaves them.
@@ -45,15 +49,16 @@ class Optimiser:
     def __init__(self, module: nn.Module, clip_norm: float | None) -> None:
         self._parameters = dict(module.named_parameters())
         self._clip_norm = clip_norm
-        self._adam = torch.optim.Adam(self._parameters.values())
+        self._moments: dict[str, dict[str, Tensor]] = {}
         self._rate = 0.0
         self.norm: Tensor | None = None
 
     def prepare(self, loss: Tensor, rate: float) -> Tensor:
         """Compute the gradient of a loss for `apply` to descend at a rate; return its norm before clipping."""
-        self._adam.zero_grad(set_to_none=True)
-        loss.backward()  # type: ignore[no-untyped-call]
         values = self._parameters.values()
+        for value in values:
+            value.grad = None
+        loss.backward()  # type: ignore[no-untyped-call]
         sum_gradients(values)
         if self._clip_norm is None:
             norm = nn.utils.get_total_norm([value.grad for value in values if value.grad is not None])
@@ -67,10 +72,36 @@ class Optimiser:
         """Take the step that was prepared, if one was."""
         if self.norm is None:
             return
-        for group in self._adam.param_groups:
-            group["lr"] = self._rate
-        self._adam.step()
+        moved = {name: value for name, value in self._parameters.items() if value.grad is not None}
+        moments = [self._moments_of(name) for name in moved]
+        with torch.no_grad():
+            adam(
+                list(moved.values()),
+                [value.grad for value in moved.values() if value.grad is not None],
+                [each["exp_avg"] for each in moments],
+                [each["exp_avg_sq"] for each in moments],
+                [],
+                [each["step"] for each in moments],
+                amsgrad=False,
+                beta1=0.9,
+                beta2=0.999,
+                lr=self._rate,
+                weight_decay=0.0,
+                eps=1e-8,
+                maximize=False,
+            )
         self.norm = None
+
+    def _moments_of(self, name: str) -> dict[str, Tensor]:
+        """Return a weight's moments and step count, zeros before its first step."""
+        if name not in self._moments:
+            value = self._parameters[name]
+            self._moments[name] = {
+                "step": torch.zeros((), dtype=torch.float32),
+                "exp_avg": torch.zeros_like(value),
+                "exp_avg_sq": torch.zeros_like(value),
+            }
+        return self._moments[name]
 
     def drop(self) -> None:
         """Give up the step that was prepared, if one was; the weights stay as they are."""
@@ -80,8 +111,8 @@ class Optimiser:
         """Copy the moments and step counts to the host, as ``<weight>.<moment>``."""
         return {
             f"{name}.{key}": value.detach().cpu().clone()
-            for name, parameter in self._parameters.items()
-            for key, value in self._adam.state.get(parameter, {}).items()
+            for name in self._parameters
+            for key, value in self._moments.get(name, {}).items()
         }
 
     def restore(self, state: dict[str, Tensor]) -> None:
@@ -90,7 +121,7 @@ class Optimiser:
         Raises:
             CheckpointError: a moment belongs to no weight or has another shape.
         """
-        self._adam.state.clear()
+        self._moments.clear()
         for full_name, value in state.items():
             name, _, key = full_name.rpartition(".")
             parameter = self._parameters.get(name)
@@ -100,7 +131,7 @@ class Optimiser:
                     "resume with the configuration of the run"
                 )
             place = parameter.device if key != "step" else torch.device("cpu")
-            self._adam.state[parameter][key] = value.to(place).clone()
+            self._moments.setdefault(name, {})[key] = value.to(place).clone()
 
 
 def blend(towards: Iterable[Tensor], values: Iterable[Tensor], rate: float) -> None:

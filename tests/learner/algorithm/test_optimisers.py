@@ -37,6 +37,26 @@ def test_clipping_bounds_the_gradient_and_reports_the_whole() -> None:
     assert module.weight.item() == pytest.approx(-0.1, rel=1e-4)
 
 
+def test_steps_are_those_of_the_class_also_after_a_restart() -> None:
+    torch.manual_seed(0)
+    module, other = nn.Linear(3, 2), nn.Linear(3, 2)
+    other.load_state_dict(module.state_dict())
+    optimiser, reference = Optimiser(module, None), torch.optim.Adam(other.parameters())
+    for step in range(6):
+        batch, rate = torch.randn(4, 3), 0.1 / (step + 1)
+        optimiser.prepare(module(batch).square().sum(), rate)
+        optimiser.apply()
+        reference.zero_grad()
+        other(batch).square().sum().backward()
+        reference.param_groups[0]["lr"] = rate
+        reference.step()
+        state = optimiser.state()
+        optimiser = Optimiser(module, None)
+        optimiser.restore(state)
+    assert torch.equal(module.weight, other.weight) and torch.equal(module.bias, other.bias)
+    assert set(state) == {f"{name}.{key}" for name in ("weight", "bias") for key in ("step", "exp_avg", "exp_avg_sq")}
+
+
 def test_a_foreign_state_is_refused() -> None:
     optimiser = Optimiser(nn.Linear(2, 2), None)
     with pytest.raises(CheckpointError, match=r"other\.exp_avg"):
