@@ -40,55 +40,70 @@ OPTIONAL = [
     "mlflow",
     "wandb",
 ]
+COMMANDS = [
+    (["deploy.cli", "record", "--out", "bag"], "mcap", "recording"),
+    (["deploy.cli", "topics"], "xxhash", "robot"),
+    (["deploy.cli", "robot"], "xxhash", "actor,pybullet,robot,plots"),
+    (["learner.cli", "start", "--run", "here"], "torch", "learner"),
+    (["learner.cli", "plot"], "matplotlib", "plots"),
+    (["actors.evaluation.cli", "video", "x.json", "--maps", "generator:office", "--out", "x.gif"], "pillow", "actor"),
+]
+# Commands one after the other in a process where no extra is installed.
 BARE = f"""
-import sys
+import contextlib, importlib, io, json, sys
 for name in {OPTIONAL!r}:
     sys.modules[name] = None
-import importlib
-module, *arguments = sys.argv[1:]
-sys.argv = [module, *arguments]
-importlib.import_module(module).app()
+for module, *arguments in json.loads(sys.argv[1]):
+    sys.argv = [module, *arguments]
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
+        try:
+            importlib.import_module(module).app()
+            status = 0
+        except SystemExit as end:
+            status = end.code or 0
+    print(json.dumps([status, out.getvalue(), err.getvalue()]))
 """
 
 
-def run_bare(module: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run a command as if no extra were installed."""
-    environment = os.environ | {"HD_PROCESS_PREPARED": "1", "COLUMNS": "100"}
-    return subprocess.run(
-        [sys.executable, "-c", BARE, module, *arguments], capture_output=True, text=True, env=environment, timeout=110
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory):
+    """What the commands and the list of planners told, as (status, output, errors), and the folder they ran in."""
+    folder = tmp_path_factory.mktemp("bare")
+    commands = [["actors.evaluation.cli", "planners"], *(command for command, _, _ in COMMANDS)]
+    done = subprocess.run(
+        [sys.executable, "-c", BARE, json.dumps(commands)],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"HD_PROCESS_PREPARED": "1", "COLUMNS": "100"},
+        cwd=folder,
+        timeout=110,
     )
+    assert done.returncode == 0, done.stderr
+    told = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(told) == len(commands)
+    return told, folder
 
 
-def test_planners_are_listed_without_any_extra():
-    result = run_bare("actors.evaluation.cli", "planners")
-    assert result.returncode == 0, result.stderr
-    assert "nearest" in result.stdout
+def test_planners_are_listed_without_any_extra(bare):
+    status, output, errors = bare[0][0]
+    assert status == 0, errors
+    assert "nearest" in output
 
 
 @pytest.mark.parametrize(
-    ("command", "package", "extra"),
+    ("place", "package", "extra"),
     [
-        (["deploy.cli", "record", "--out", "bag"], "mcap", "recording"),
-        (["deploy.cli", "topics"], "xxhash", "robot"),
-        (["deploy.cli", "robot"], "xxhash", "actor,pybullet,robot,plots"),
-        (["learner.cli", "start", "--run", "here"], "torch", "learner"),
-        (["learner.cli", "plot"], "matplotlib", "plots"),
-        (
-            ["actors.evaluation.cli", "video", "x.json", "--maps", "generator:office", "--out", "x.gif"],
-            "pillow",
-            "actor",
-        ),
+        pytest.param(place, package, extra, id=" ".join(command))
+        for place, (command, package, extra) in enumerate(COMMANDS, 1)
     ],
-    ids=lambda value: " ".join(value) if isinstance(value, list) else None,
 )
-def test_a_missing_package_is_one_sentence_with_what_to_install(command, package, extra, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    result = run_bare(*command)
-    assert result.returncode == 1
-    assert "Traceback" not in result.stderr
-    assert f"needs the package {package}, which is not installed" in result.stderr
-    assert f"[{extra}]'" in result.stderr
-    assert list(tmp_path.iterdir()) == []
+def test_a_missing_package_is_one_sentence_with_what_to_install(bare, place, package, extra):
+    status, _, errors = bare[0][place]
+    assert status == 1
+    assert "Traceback" not in errors
+    assert f"needs the package {package}, which is not installed" in errors
+    assert f"[{extra}]'" in errors
+    assert list(bare[1].iterdir()) == []
 
 
 def test_the_gymnasium_environment_says_which_extra_it_needs(monkeypatch):
