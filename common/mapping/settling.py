@@ -150,7 +150,9 @@ def usual_place(cells: Cells, layout: Layout, pieces: Any, piece: int, margin: i
     if p.x >= 0 and not p.lookout:
         return p.x, p.y
     j, i = p.square // len(layout.x), p.square % len(layout.x)
-    return (layout.x[i], layout.y[j]) if p.centred else best_place(cells, layout, j, i, p.label, margin)
+    if p.centred:
+        return layout.x[i], layout.y[j]
+    return best_place(cells, layout, j, i, np.int64(p.label), margin)
 
 
 @njit(cache=True, nogil=True)

@@ -160,4 +160,4 @@ def measure_ways(
                 if straight:
                     length[piece, side, k] = np.inf
                 elif not np.isfinite(length[piece, side, k]):
-                    length[piece, side, k] = length_of(way_between(pieces, cells, layout, piece, there))
+                    length[piece, side, k] = length_of(way_between(pieces, cells, layout, piece, np.int64(there)))

@@ -189,7 +189,9 @@ class ViewpointGraph:
 
     def pieces_at(self, x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the piece that holds each point, subcells; -1 where none does, int64, shape of ``x``."""
-        found: NDArray[np.int64] = pieces_at(self.cells, self.layout, self.pieces, self.first_of, x, y)
+        # Columns of a table, too: the kernel is compiled for one layout.
+        places = np.ascontiguousarray(x), np.ascontiguousarray(y)
+        found: NDArray[np.int64] = pieces_at(self.cells, self.layout, self.pieces, self.first_of, *places)
         return found
 
     def reachable(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Adjacency]:

@@ -163,4 +163,6 @@ def length_of(corners: NDArray[np.int64]) -> float:
 def way_between(pieces: Any, cells: Cells, layout: Layout, a: int, b: int) -> NDArray[np.int64]:
     """Return the corners of the way from the viewpoint of a piece to that of a piece that it touches."""
     p, q = pieces[a], pieces[b]
-    return way_inside(cells, layout, p.square, p.label, q.square, q.label, (p.x, p.y), (q.x, q.y))
+    # As wide as Python's, so that the kernel is compiled for one kind of integer.
+    square_a, label_a, square_b, label_b = np.int64(p.square), np.int64(p.label), np.int64(q.square), np.int64(q.label)
+    return way_inside(cells, layout, square_a, label_a, square_b, label_b, (p.x, p.y), (q.x, q.y))

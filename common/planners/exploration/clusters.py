@@ -73,7 +73,7 @@ def cluster_labels(belief: Belief, frontiers: NDArray[np.float64]) -> NDArray[np
         int64, shape (m,).
     """
     cells = np.floor((frontiers - np.array(belief.origin)) / belief.resolution).astype(np.int64)
-    columns, rows = cells.T
+    columns, rows = np.ascontiguousarray(cells.T)
     # Those of a mapper are in this order already, which a stable sort finds out fast.
     order = np.argsort(rows * belief.shape[1] + columns, kind="stable")
     labels: NDArray[np.int64] = _label(rows, columns, order)

@@ -272,8 +272,10 @@ def _change(
 ) -> None:
     """Recompute rhs of the vertices whose edges changed, and queue those that became inconsistent."""
     key = np.empty(2, dtype=np.int64)
-    for u in range(len(changed)):
-        if changed[u]:
+    for vertex in range(len(changed)):
+        if changed[vertex]:
+            # As the queue keeps it: the kernels are compiled for one kind of integer.
+            u = np.int32(vertex)
             cost[u, 1] = _best_successor(pointer, neighbours, costs, goal_costs, cost, u)[0]
             _update_vertex(key, cost, keys, nodes, where, scalars, x, y, start, u)
 
