@@ -29,11 +29,11 @@ SHOWN = {
 }
 
 
-def table_of(found: Sequence[Results], baseline: str) -> str:
-    """Return results as Markdown: what each planner did, how they compare, and what a reader has to know."""
+def table_of(found: Sequence[Results], baseline: str | None) -> str:
+    """Return results as Markdown: what each planner did, how they compare with one, and what a reader has to know."""
     titles, rows = make_rows(found, baseline, "px")
-    cut = next(number for number, title in enumerate(titles) if title.startswith("/ "))
-    halves = [range(cut), [0, *range(cut, len(titles))]]
+    cut = next((number for number, title in enumerate(titles) if title.startswith("/ ")), len(titles))
+    halves = [range(cut), [0, *range(cut, len(titles))]][: 1 if baseline is None else 2]
     tables = [
         render([titles[place] for place in half], [[row[place] for place in half] for row in rows], "markdown").strip()
         for half in halves
