@@ -44,7 +44,8 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
             # Read when the function is decorated, so it can differ from function to function.
             numba.config.CACHE_DIR = str(cache_folder(function.__module__.split(".")[0]))  # type: ignore[attr-defined]
         # Nobody calls a kernel from C; leaving that entry out saves a tenth of what compiling takes.
-        kernel = numba.njit(no_cfunc_wrapper=True, **options)(function)
+        lean: dict[str, Any] = {"no_cfunc_wrapper": True, **options}
+        kernel = numba.njit(**lean)(function)
         if options.get("cache"):
             _compile_in_one_process(kernel, Path(numba.config.CACHE_DIR))  # type: ignore[attr-defined]
         return kernel
