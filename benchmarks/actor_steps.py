@@ -94,7 +94,8 @@ class Stages(ExitStack):
         self._wrap(simulator, "drive_to", "drive")
         self._wrap(simulator, "scan", "scan")
         # Each episode has an environment of its own.
-        self._wrap(Environment, "_sense", "mapping")
+        self._wrap(Environment, "_look", "mapping")
+        self._wrap(Environment, "_update", "mapping")
         self._wrap(Environment, "expert_label", "expert")
         for arena in collector._arenas:
             self._wrap(arena.source, "draw", "world")
