@@ -52,6 +52,7 @@ def test_a_small_world_is_explored(tmp_path):
     assert verdict.seconds < 90.0
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_a_demo_in_a_floor_plan_crosses_a_door_of_90_cm(tmp_path):
     world = write_image(two_rooms(), tmp_path / "plan.png")
