@@ -133,6 +133,7 @@ def main(
     three seconds.
     """
     del version
+    from actors.launching import compile_kernels
     from actors.options import ActorOptions, host_name
     from actors.supervisor import Supervisor
 
@@ -170,9 +171,9 @@ def main(
     ]
     # What this machine cannot do is said here, once, and not by each process.
     config = None if spec is None else options[0].accept(spec.config)
+    if num > 1 and launcher is Launching.LOCAL:
+        compile_kernels(None if config is None else config.network.model_dump_json())
     with closing(_launcher(launcher, ray_address)) as starter:
-        if num > 1:
-            starter.prepare(None if config is None else config.network.model_dump_json())
         role = "evaluators" if evaluate else "actors"
         log.info("starting %d %s for run %r: %s", num, role, run_name, ", ".join(names))
         code = Supervisor(options, starter).run()

@@ -61,15 +61,27 @@ class Running(Protocol):
         ...
 
 
+def compile_kernels(network: str | None) -> None:
+    """Compile the kernels in one process, before several actors start: a fresh install takes a minute for it.
+
+    Args:
+        network: the run's `NetworkConfig` as JSON, None if it is not known yet.
+    """
+    log.info("preparing the kernels")
+    with Reaper() as reaper:
+        subprocess.run(
+            python_module("actors.warmup", *([] if network is None else [network])),
+            env=process_environment(threads=1),
+            check=True,
+            process_group=reaper.group(),
+        )
+
+
 class Launcher(Protocol):
     """Starts actors; closed when all of them have ended."""
 
     def start(self, options: ActorOptions) -> Running:
         """Start an actor."""
-        ...
-
-    def prepare(self, network: str | None) -> None:
-        """Get ready for several actors; `network` is the run's `NetworkConfig` as JSON, None if it is not known yet."""
         ...
 
     def close(self) -> None:
@@ -90,16 +102,6 @@ class LocalLauncher:
     def start(self, options: ActorOptions) -> Running:
         """Start an actor, whose log goes to the standard error line by line under its name."""
         return _LocalProcess(options, self._reaper.group())
-
-    def prepare(self, network: str | None) -> None:
-        """Compile the kernels once, in one process: a fresh install takes a minute, and eight would all do it."""
-        log.info("preparing the kernels")
-        subprocess.run(
-            python_module("actors.warmup", *([] if network is None else [network])),
-            env=process_environment(threads=1),
-            check=True,
-            process_group=self._reaper.group(),
-        )
 
     def close(self) -> None:
         """End the reaper."""

@@ -8,18 +8,15 @@ from __future__ import annotations
 
 import logging
 import os
-import tempfile
 import time
-from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
 from actors.launching import Ended, LocalLauncher, Running
 from actors.options import ActorOptions
 from actors.process import EXIT_CRASH
-from common.errors import ConfigError, LockedError
+from common.errors import ConfigError
 from common.system.extras import optional
-from common.system.file_lock import FileLock
 from common.system.logs import setup_logging
 
 log = logging.getLogger(__name__)
@@ -57,19 +54,13 @@ class RayLauncher:
             ) from error
         cores = ray.cluster_resources().get("CPU", 0.0)
         log.info("the Ray cluster has %d nodes with %g cores", len(ray.nodes()), cores)
-        self._network: str | None = None
         # Ray is optional, so the class can become one of its actors only here.
         self._seat = ray.remote(num_cpus=1, max_concurrency=_THREADS)(_Seat)
-
-    def prepare(self, network: str | None) -> None:
-        """Remember for which network each machine compiles its kernels before its first actor starts."""
-        self._network = network
 
     def start(self, options: ActorOptions) -> Running:
         """Ask for a place for an actor."""
         seat = self._seat.remote()
-        job = self._ray.get_runtime_context().get_job_id()
-        end = seat.run.remote(options.model_dump_json(), self._network, job)
+        end = seat.run.remote(options.model_dump_json())
         return _Placed(self._ray, options.name, seat, end)
 
     def close(self) -> None:
@@ -122,12 +113,9 @@ class _Seat:
         self._launcher = LocalLauncher()
         self._stopped = False
 
-    def run(self, options: str, network: str | None, job: str) -> tuple[int, str, str, float]:
+    def run(self, options: str) -> tuple[int, str, str, float]:
         """Run an actor to its end, and return the fields of `Ended`."""
         given = ActorOptions.model_validate_json(options).model_copy(update={"parent": os.getpid()})
-        self._prepare(network, job)
-        if self._stopped:
-            return 0, "", "", 0.0
         running = self._launcher.start(given)
         while (end := running.ended()) is None:
             time.sleep(_POLL_SECONDS)
@@ -138,15 +126,3 @@ class _Seat:
     def stop(self) -> None:
         """Ask the actor to stop."""
         self._stopped = True
-
-    def _prepare(self, network: str | None, job: str) -> None:
-        """Compile the kernels of this machine once; whoever comes later waits for that."""
-        folder = Path(tempfile.gettempdir())
-        lock, done = folder / f"hdplanner-{job}.lock", folder / f"hdplanner-{job}.ready"
-        while not (done.exists() or self._stopped):
-            try:
-                with FileLock(lock):
-                    self._launcher.prepare(network)
-                    done.touch()
-            except LockedError:
-                time.sleep(_POLL_SECONDS)
