@@ -24,7 +24,7 @@ def planner_list(given: Sequence[str]) -> list[str]:
 
 
 def run_and_show(
-    evaluation: Evaluation, planners: Sequence[str], jobs: int, console: Console, copy_to: str | None = None
+    evaluation: Evaluation, planners: Sequence[str], jobs: int, console: Console, copy_to: str | None
 ) -> bool:
     """Run all episodes that are missing, with a bar for each planner; return whether episodes crashed.
 
@@ -33,7 +33,7 @@ def run_and_show(
         planners: names of its planners.
         jobs: processes; 0 for one per core.
         console: where to show it.
-        copy_to: URL of a folder to which the results files are copied when all is done.
+        copy_to: URL of a folder to which the results files are copied when all is done, None for none.
 
     Raises:
         HDError: the processes cannot start, or the results cannot be written or copied.
