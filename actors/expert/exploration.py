@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.expert.base import UNREACHABLE, ExpertLabel, leg_lengths
-from actors.expert.true_graph import TrueGraph
-from actors.expert.visibility import fill_words, look_from_all
+from actors.expert.survey import Survey
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
 from common.config import MappingConfig, TaskConfig
@@ -34,17 +33,13 @@ class ExplorationExpert:
     Args:
         mapping: lattice and sensor.
         unseen_area: the task's tolerance, square metres.
-        beams: beams of a scan.
         starts: fresh covering tours that are tried at the first state of a map; the shortest is kept.
         tries: fresh covering tours that are tried at every other state, beside the kept one.
     """
 
-    def __init__(
-        self, mapping: MappingConfig, unseen_area: float, *, beams: int = 720, starts: int = 12, tries: int = 3
-    ) -> None:
+    def __init__(self, mapping: MappingConfig, unseen_area: float, *, starts: int = 12, tries: int = 3) -> None:
         self._mapping = mapping
         self._unseen_area = unseen_area
-        self._beams = beams
         self._starts = starts
         self._tries = tries
         self._world: GridMap | None = None
@@ -52,13 +47,10 @@ class ExplorationExpert:
     def reset(self, world: GridMap) -> None:
         """Prepare for a world: about 100 ms for a public map, a few seconds for a building of 19,000 m2."""
         self._world = world
-        self._graph = TrueGraph.build(world, self._mapping)
-        self._distances = self._graph.distances()
-        reach = self._mapping.sensor_range / world.resolution
-        self._sight = look_from_all(world.free, self._graph.points, reach, self._beams)
-        self._missing = np.zeros(self._sight.tiles, dtype=np.uint64)
+        self.survey = Survey(world, self._mapping)
+        self._distances = self.survey.graph.distances()
         self._tolerance = int(self._unseen_area / world.resolution**2 + 1e-6)
-        self._ones = np.ones(len(self._graph))
+        self._ones = np.ones(len(self._distances))
         self._plan = NO_STOPS
         self._routes: dict[int, NDArray[np.int64]] = {}
 
@@ -72,7 +64,7 @@ class ExplorationExpert:
         """Judge the choices of one observation (see `Expert.judge`)."""
         if self._world is None:
             raise HDError("the expert has no map yet: call reset(world) before judge()")
-        true_nodes, places = self._graph.match(positions)
+        true_nodes, places = self.survey.graph.match(positions)
         waypoints = observation.waypoint_nodes()
         choices = true_nodes[waypoints]
         robot = int(true_nodes[observation.robot])
@@ -88,9 +80,9 @@ class ExplorationExpert:
             return ExpertLabel(np.zeros(len(waypoints), dtype=np.float32), -1, 0.0, coverage.unseen_area)
         orders = np.zeros((len(choices), len(stops)), dtype=np.int64)
         sizes = np.zeros(len(choices), dtype=np.int64)
-        sight = self._sight
+        sight = self.survey.sight
         lengths = price_choices(
-            sight.pointer, sight.tile, sight.mask, self._missing, allowed, self._distances, stops, choices,
+            sight.pointer, sight.tile, sight.mask, self.survey.missing, allowed, self._distances, stops, choices,
             self._tolerance, orders, sizes,
         )  # fmt: skip
         legs = leg_lengths(observation, positions, places, pose, spacing)
@@ -109,18 +101,17 @@ class ExplorationExpert:
         self, scanned: NDArray[np.int64], robot: int, coverage: Coverage
     ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Return a short covering tour from the robot, and which viewpoints can show something new."""
-        sight, distances = self._sight, self._distances
-        world = self._world
-        assert world is not None
-        fill_words(coverage.unseen_cells, world.free.shape[1], self._missing)
+        survey, distances = self.survey, self._distances
+        survey.note(coverage)
+        sight, missing = survey.sight, survey.missing
         allowed = np.isfinite(distances[robot])
         allowed[scanned] = False
         allowed[robot] = False
-        gains = cover.count_gains(sight.pointer, sight.tile, sight.mask, self._missing, allowed)
+        gains = cover.count_gains(sight.pointer, sight.tile, sight.mask, missing, allowed)
 
         def plan(kept: NDArray[np.int64], weights: NDArray[np.float64]) -> NDArray[np.int64]:
             return cover.plan_cover(
-                sight.pointer, sight.tile, sight.mask, self._missing, allowed, distances, robot, gains.copy(),
+                sight.pointer, sight.tile, sight.mask, missing, allowed, distances, robot, gains.copy(),
                 weights, kept, self._tolerance, 6,
             )  # fmt: skip
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.expert.base import Expert, ExpertLabel
-from actors.expert.true_graph import TrueGraph
-from actors.expert.visibility import fill_words, look_from_all
+from actors.expert.exploration import ExplorationExpert
+from actors.expert.survey import Survey
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
 from common.config import MappingConfig
@@ -18,8 +18,6 @@ from common.geometry import Pose
 from common.mapping.occupancy_image import image_reaches, occupancy_image
 from common.observations.observation import Observation
 from common.tours import cover
-
-BEAMS = 720
 
 
 class HintingExpert:
@@ -36,13 +34,11 @@ class HintingExpert:
         self._disc = math.pi * mapping.sensor_range**2
 
     def reset(self, world: GridMap) -> None:
-        """Prepare for a world; takes about as long as the exploration expert does."""
-        self._expert.reset(world)
-        self._world = world
-        self._graph = TrueGraph.build(world, self._mapping)
-        reach = self._mapping.sensor_range / world.resolution
-        self._sight = look_from_all(world.free, self._graph.points, reach, BEAMS)
-        self._missing = np.zeros(self._sight.tiles, dtype=np.uint64)
+        """Prepare for a world; what the exploration expert has surveyed is not surveyed again."""
+        expert = self._expert
+        expert.reset(world)
+        self._survey = expert.survey if isinstance(expert, ExplorationExpert) else Survey(world, self._mapping)
+        self._cell_area = world.resolution**2
 
     def label(
         self,
@@ -53,17 +49,17 @@ class HintingExpert:
     ) -> ExpertLabel:
         """Judge the choices of one observation (see `Expert.label`), with hints."""
         label = self._expert.label(observation, positions, pose, coverage)
-        nodes, _ = self._graph.match(positions)
+        survey, sight = self._survey, self._survey.sight
+        nodes, _ = survey.graph.match(positions)
         known = nodes >= 0
-        wanted = np.zeros(len(self._graph), dtype=np.bool_)
+        wanted = np.zeros(len(survey.graph), dtype=np.bool_)
         wanted[nodes[known]] = True
-        fill_words(coverage.unseen_cells, self._world.free.shape[1], self._missing)
-        sight = self._sight
-        seen = cover.count_gains(sight.pointer, sight.tile, sight.mask, self._missing, wanted)
+        survey.note(coverage)
+        seen = cover.count_gains(sight.pointer, sight.tile, sight.mask, survey.missing, wanted)
         gain = np.full(len(positions), -1.0, dtype=np.float32)
-        gain[known] = seen[nodes[known]] * self._world.resolution**2 / self._disc
+        gain[known] = seen[nodes[known]] * self._cell_area / self._disc
         x, y = positions[observation.robot]
         truth = occupancy_image(
-            self._graph.mapper.belief, (float(x), float(y)), image_reaches("spacing", self._mapping)
+            survey.graph.mapper.belief, (float(x), float(y)), image_reaches("spacing", self._mapping)
         )
         return replace(label, gain=gain, truth=truth)
