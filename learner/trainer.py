@@ -67,12 +67,8 @@ class Trainer:
         self.config = config
         self.algorithm = algorithm
         self._evaluators = tuple(evaluators)
-        self.replay = ReplayBuffer(
-            config.replay.capacity,
-            config.replay.max_bytes,
-            images=config.network.reads_image,
-            hints=config.hinted,
-        )
+        images, hints = config.network.reads_image, config.hinted
+        self.replay = ReplayBuffer(config.replay.capacity, config.replay.max_bytes, images=images, hints=hints)
         self.limiter = RateLimiter(
             config.learner.updates_per_step, config.learner.ratio_tolerance, config.replay.min_steps
         )
@@ -83,7 +79,7 @@ class Trainer:
         self._rng = np.random.default_rng([config.seed, 2])
         self._cards = PolicyCards(config, self.limiter)
         self.best = BestPolicy(self.checkpoints, self._cards.describe)
-        self._publisher = Publisher(algorithm, self.best, publish, averaged=bool(config.learner.average_decay))
+        self._publisher = Publisher(algorithm, self.best, publish, config.learner)
         self._checkpointer = Checkpointer(config, self.checkpoints, algorithm, self._rng, self._cards.describe)
         mirror = config.checkpoints.mirror
         self._mirror = None if mirror is None else Mirror(run.path, self.checkpoints, mirror)
@@ -221,17 +217,14 @@ class Trainer:
 
     def publish_if_due(self) -> None:
         """Publish every `learner.publish_every` updates, once the actors had time for the last version, and the end."""
-        if self.limiter.updates % self.config.learner.publish_every == 0:
-            self._publisher.due = True
+        self._publisher.note_update(self.limiter.updates)
         if self.complete:
             self.publish()
         else:
             self._publish_due()
 
     def _publish_due(self) -> None:
-        seconds = self.config.learner.publish_seconds_per_actor * self.receivers
-        if self._publisher.due and self._publisher.last_has_been_out(seconds):
-            self.publish()
+        self._publisher.publish_if_due(self.ingest, self.limiter.updates, self.receivers)
 
     def record_if_due(self) -> None:
         """Write a point of each curve every few updates."""
