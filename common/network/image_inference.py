@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from common.config import NetworkConfig
+from common.network.convolution_inference import ConvolutionInference
 from common.network.graph_arrays import GraphArrays
 from common.network.image_layers import TABLE_SIDE, image_layers
 from common.network.logits import LOGIT_LIMIT, log_softmax
@@ -25,7 +25,11 @@ class ImageInference:
     """
 
     def __init__(self, config: NetworkConfig, arrays: Arrays) -> None:
-        self._layers = image_layers(config)
+        layers = image_layers(config)
+        self._encoders = {
+            name: [ConvolutionInference(layer, arrays, f"encoder.{name}.{layer.name}") for layer in layers]
+            for name in IMAGES
+        }
         # Linear maps multiply from the right, so their weights are laid out (inputs, outputs).
         self._weights = {name: np.ascontiguousarray(value.T) for name, value in arrays.items()}
 
@@ -42,15 +46,12 @@ class ImageInference:
 
     def _encode(self, name: str, image: NDArray[np.uint8]) -> Array:
         """Return the features of one image, shape (values,)."""
-        images = np.stack([image >> 4, image & 15]).astype(np.float32) / np.float32(15.0)
-        images = images.reshape(2, IMAGE_SIDE, IMAGE_SIDE)
-        for layer in self._layers:
-            windows = sliding_window_view(images, (layer.side, layer.side), axis=(1, 2))
-            windows = windows[:, :: layer.stride, :: layer.stride].transpose(1, 2, 0, 3, 4)
-            patches = windows.reshape(layer.result**2, -1)
-            made = np.maximum(self._linear(f"encoder.{name}.{layer.name}", patches), np.float32(0.0))
-            images = made.T.reshape(layer.outputs, layer.result, layer.result)
-        return images.reshape(-1)
+        images = np.stack([image >> 4, image & 15], axis=1).astype(np.float32) / np.float32(15.0)
+        images = images.reshape(1, IMAGE_SIDE, IMAGE_SIDE, 2)
+        for convolution in self._encoders[name]:
+            images = convolution(images)
+        # The channels come first in the maps that follow.
+        return images[0].transpose(2, 0, 1).reshape(-1)
 
     def _linear(self, name: str, inputs: Array) -> Array:
         return inputs @ self._weights[f"{name}.weight"] + self._weights[f"{name}.bias"]
