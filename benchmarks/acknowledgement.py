@@ -52,7 +52,9 @@ def run(chunks: int = 400, seconds: float = 12.0, processes: int = 4) -> dict[st
             steady = _steady(config, seconds)
             for share in (50, 99):
                 results[f"{mode}_steady_ms_p{share}"] = 1e3 * float(np.percentile(steady, share))
-            results[f"{mode}_steps_per_s"] = processes * chunks * STEPS / deliver(config, processes, chunks)
+            taken, processor = deliver(config, processes, chunks)
+            results[f"{mode}_steps_per_s"] = processes * chunks * STEPS / taken
+            results[f"{mode}_learner_us_per_chunk"] = 1e6 * processor / (processes * chunks)
     return results
 
 

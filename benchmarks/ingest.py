@@ -71,8 +71,9 @@ def run(chunks: int = 1000, processes: Sequence[int] = (1, 4)) -> dict[str, floa
     ):
         results |= latency(config, min(300, 20 + chunks))
         for count in processes:
-            seconds = deliver(config, count, chunks)
+            seconds, processor = deliver(config, count, chunks)
             results[f"deliver_chunks_per_s_{count}_processes"] = count * chunks / seconds
+            results[f"receive_us_per_chunk_{count}_processes"] = 1e6 * processor / (count * chunks)
         results |= _weights(config, publisher)
     return results
 
@@ -108,8 +109,11 @@ def latency(config: BusConfig, repeats: int = 300) -> dict[str, float]:
     return {"ack_ms_p50": 1e3 * float(median), "ack_ms_p99": 1e3 * float(late)}
 
 
-def deliver(config: BusConfig, processes: int, chunks: int) -> float:
-    """Return the seconds from the start signal until every sender has all its acknowledgements."""
+def deliver(config: BusConfig, processes: int, chunks: int) -> tuple[float, float]:
+    """Return the seconds from the start signal until every sender has all its acknowledgements.
+
+    And the processor seconds of this process, the receiving one, in that time: all its threads, those of Zenoh too.
+    """
     senders = [
         subprocess.Popen(
             [sys.executable, "-m", "benchmarks.ingest", "send", config.listen, f"bench-{i}", str(chunks)],
@@ -124,14 +128,14 @@ def deliver(config: BusConfig, processes: int, chunks: int) -> float:
     try:
         for sender in senders:
             _expect(sender, "ready")
-        started = time.perf_counter()
+        started, used = time.perf_counter(), time.process_time()
         for sender in senders:
             assert sender.stdin is not None
             sender.stdin.write("go\n")
             sender.stdin.flush()
         for sender in senders:
             _expect(sender, "done")
-        return time.perf_counter() - started
+        return time.perf_counter() - started, time.process_time() - used
     finally:
         for sender in senders:
             sender.communicate()
