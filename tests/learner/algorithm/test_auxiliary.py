@@ -25,6 +25,7 @@ from common.network.graph_arrays import GraphArrays
 from learner.algorithm.augment import SYMMETRIES, transform_transitions
 from learner.algorithm.auxiliary import Hints
 from learner.algorithm.batch import TransitionBatch
+from learner.algorithm.factory import make_learner
 from learner.algorithm.sac import SacLearner
 from learner.replay.buffer import ReplayBuffer
 from tests.actors.test_environment import BRANCHES, MAPPING
@@ -57,11 +58,12 @@ def episode() -> tuple[Chunk, ...]:
     return tuple(chunks)
 
 
-def drawn(count: int = 32) -> TransitionBatch:
+def drawn(count: int = 32, labelled_after: bool = False) -> TransitionBatch:
     replay = ReplayBuffer(1000, 30_000_000, images=True, hints=True)
     for number, chunk in enumerate(episode()):
         replay.add(decode(encode(Delivery("desk-0", 1, number, chunk)), Delivery))
-    return replay.sample_labelled(count, np.random.default_rng(0))
+    rng = np.random.default_rng(0)
+    return replay.sample(count, rng, labelled=True) if labelled_after else replay.sample_labelled(count, rng)
 
 
 def test_hints_tell_the_truth_about_what_is_unknown() -> None:
@@ -103,6 +105,30 @@ def test_the_network_learns_to_foresee() -> None:
     other = SacLearner(CONFIG, CPU)
     other.restore(*learner.state())
     assert other.update(batch) == learner.update(batch), "heads and their moments are resumed too"
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"algorithm": "sac", "cloning": {"updates": 1, "auxiliary_weight": 5.0, "anchor_weight": 1.0}},
+        {
+            "algorithm": "ppo",
+            "cloning": {"updates": 1, "auxiliary_weight": 5.0},
+            "ppo": {"imitation_weight": 1.0, "value_only_updates": 0},
+        },
+    ],
+    ids=["sac", "ppo"],
+)
+def test_it_goes_on_learning_that_in_reinforcement(settings: dict[str, object]) -> None:
+    rest = {"reward": {"kind": "potential"}, "adam": {"policy": 5e-3}, "learner": {"total_updates": 100}}
+    config = RunConfig.model_validate({"network": CONFIG.network.model_dump(), **rest, **settings})
+    learner = make_learner(config, CPU)
+    batch = drawn(16, labelled_after=True)
+    learner.update(batch)
+    figures = [learner.update(batch) for _ in range(8)]
+    free = [each["auxiliary/free_space"] for each in figures]
+    assert all("auxiliary/gain" in each for each in figures)
+    assert free[-1] < 0.8 * free[0]
 
 
 def test_hints_come_whole_or_not_at_all() -> None:
