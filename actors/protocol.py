@@ -21,6 +21,9 @@ ON_VIEWPOINT = 0.3
 def check_way(mapper: Mapper, pose: Pose, way: Sequence[Position], spacing: float) -> None:
     """Check that every leg of a way is short enough and known to be free.
 
+    The way home to its viewpoint that the mapper gives may come nearer to obstacles than the robot is. A robot that
+    found an obstacle behind it to reach farther than it was known to when it passed has no other way out.
+
     Args:
         mapper: what the robot knows.
         pose: where it stands.
@@ -39,9 +42,19 @@ def check_way(mapper: Mapper, pose: Pose, way: Sequence[Position], spacing: floa
         node = Pose(*mapper.position(mapper.robot))
         places += [node] if 0.0 < pose.distance_to(node.position) <= ON_VIEWPOINT else []
     longest = LONGEST_EDGE * spacing
-    _check_leg(mapper, places, way[0], longest)
-    for a, b in pairwise(way):
+    home = way_out(mapper, pose, way)
+    if not home:
+        _check_leg(mapper, places, way[0], longest)
+    for a, b in pairwise(way[max(len(home) - 1, 0) :]):
         _check_leg(mapper, [Pose(*a)], b, longest)
+
+
+def way_out(mapper: Mapper, pose: Pose, way: Sequence[Position]) -> list[Position]:
+    """Return the mapper's way home where a way begins with that and not in the open, empty otherwise."""
+    if mapper.stuck or mapper.segment_free(pose.position, way[0]):
+        return []
+    home = mapper.way_home()
+    return home if list(way[: len(home)]) == home else []
 
 
 def _check_leg(mapper: Mapper, places: Sequence[Pose], position: Position, longest: float) -> None:

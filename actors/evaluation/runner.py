@@ -92,7 +92,7 @@ class Evaluation(Closing):
         self._label = label
         for planner in self._planners:
             settings.make(planner)
-        self._worlds = WorldSet.open(settings.maps, settings.task.name, settings.metres_per_pixel, settings.limit)
+        self._worlds = WorldSet.open(settings.maps, settings.map_task, settings.metres_per_pixel, settings.limit)
         self._commit = commit_of(code_state())
         self._out = out
         with ExitStack() as opened:

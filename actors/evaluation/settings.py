@@ -22,7 +22,7 @@ from common.planners.base import Planner
 from common.planners.registry import PLANNERS, make_planner, planner_names
 from common.policies.shipped import shipped_policy
 from common.registry import NamedPart
-from common.tasks import TASKS
+from common.tasks import EXPLORATION, TASKS
 
 # Planners that take a file with weights.
 LEARNED = ("hdplanner", "hdplanner-bare")
@@ -64,6 +64,11 @@ class EvaluationSettings(BaseModel):
         if self.large:
             check_physics(self.simulator)
         return self
+
+    @property
+    def map_task(self) -> str:
+        """Name of the task that maps have to suit: the targets of a tour are drawn, so its maps need none."""
+        return EXPLORATION.name if self.large else self.task.name
 
     def fingerprint(self, planner: str) -> dict[str, Any]:
         """Return what a planner's episodes depend on, as plain values: two runs that share it can be joined.

@@ -46,7 +46,12 @@ class Suited:
 
 
 def suited_config(
-    specs: Sequence[str], file: Path | None, overrides: Sequence[str], environment: Mapping[str, str]
+    specs: Sequence[str],
+    file: Path | None,
+    overrides: Sequence[str],
+    environment: Mapping[str, str],
+    *,
+    map_task: str | None = None,
 ) -> Suited:
     """Resolve a configuration; what file, environment and command line leave open is as the sources recommend.
 
@@ -55,6 +60,7 @@ def suited_config(
         file: TOML or JSON file.
         overrides: ``section.field=value`` texts.
         environment: variables.
+        map_task: name of the task that maps have to suit; that of the configuration when not given.
 
     Raises:
         ConfigError: a setting is unknown or out of range, or sources need different ones.
@@ -65,7 +71,7 @@ def suited_config(
     taken = {path: value for path, value in joined(suits, given).items() if path not in given}
     plain = [f"{path}={json.dumps(value)}" for path, value in taken.items() if value != AUTO]
     run = load_config(file, [*plain, *overrides], environment)
-    source = open_sources(specs, run.maps.metres_per_pixel, run.task.name)
+    source = open_sources(specs, run.maps.metres_per_pixel, map_task or run.task.name)
     if taken.get(MAX_STEPS) == AUTO:
         steps = step_limit((source.world(number) for number in fixed_numbers(source, _SAMPLE)), run.mapping)
         taken[MAX_STEPS] = steps

@@ -50,7 +50,7 @@ class Worker:
     def __init__(self, settings: EvaluationSettings, tell: Tell) -> None:
         self._settings = settings
         self._tell = tell
-        self.worlds = WorldSet.open(settings.maps, settings.task.name, settings.metres_per_pixel, settings.limit)
+        self.worlds = WorldSet.open(settings.maps, settings.map_task, settings.metres_per_pixel, settings.limit)
         self._episodes = _make_runner(settings)
         self._planners: dict[str, Planner | OmniscientReference] = {}
 

@@ -98,7 +98,7 @@ def large(
     own += [f"task.max_steps={MAX_STEPS}", *(overrides or []), f"task.name={task}"]
     if robot_radius is not None:
         own.append(f"mapping.robot_radius={robot_radius + TRACKING_ROOM if robot_radius > 0.0 else 0.0}")
-    suited = suited_config([world], config, own, os.environ)
+    suited = suited_config([world], config, own, os.environ, map_task=EXPLORATION.name)
     run = suited.run
     settings = EvaluationSettings(
         maps=(world,),

@@ -195,7 +195,7 @@ def worlds_of(results: LargeResults, names: Sequence[str]) -> dict[str, GridMap]
         MapError: its source has no such world.
     """
     settings = settings_of(results)
-    worlds = WorldSet.open(settings.maps, results.task, settings.metres_per_pixel, results.worlds)
+    worlds = WorldSet.open(settings.maps, settings.map_task, settings.metres_per_pixel, results.worlds)
     return {name: worlds.load(number) for name, number in worlds.find(list(dict.fromkeys(names))).items()}
 
 
