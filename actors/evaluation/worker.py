@@ -24,15 +24,19 @@ from actors.evaluation.outcome import Outcome, Place, crashed
 from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.worlds import WorldSet
 from actors.maps.generators import make_generator
+from actors.maps.grid_map import GridMap
 from actors.maps.layout import BLOCK
 from actors.process import follow_parent
 from actors.simulators.factory import make_simulator
 from common.errors import HDError
-from common.planners.base import Planner
+from common.mapping.warmup import warm_up as warm_up_mapping
+from common.planners.base import Planner, with_deputies
 from common.system.logs import setup_logging
 
 log = logging.getLogger(__name__)
 
+# A world whose target is out of sight for so many decisions.
+WARM_UP_WORLD = 5
 WARM_UP_STEPS = 6
 
 
@@ -81,10 +85,16 @@ class Worker:
         """Let a new planner decide a few times in a small world: compiling its kernels counts for no decision."""
         # Scaled so that one block is one spacing: then every viewpoint of the lattice finds its way.
         scale = self._settings.mapping.viewpoint_spacing / BLOCK
-        small = make_generator("rooms", {"width": "320", "height": "240"}).world(0, scale)
+        small = make_generator("rooms", {"width": "320", "height": "240"}).world(WARM_UP_WORLD, scale)
         self._tell("warm", None)
+        warm_up_mapping()
+        self._try_out(planner, small)
+        for deputy in with_deputies(planner)[1:]:
+            self._try_out(deputy, small)
+
+    def _try_out(self, planner: Decider, world: GridMap) -> None:
         try:
-            self._episodes.run(planner, small, seed=0, steps=WARM_UP_STEPS)
+            self._episodes.run(planner, world, seed=0, steps=WARM_UP_STEPS)
         except Exception as error:  # noqa: BLE001 - a fault shows again, and is reported, in its episodes
             log.warning("planner %s cannot do the warm-up world: %s", planner.name, error)
 

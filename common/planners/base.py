@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol, runtime_checkable
@@ -87,6 +88,22 @@ class HasPlanningSet(Protocol):
     def mapping_for(self, task: TaskName) -> MappingConfig:
         """Return the mapping to give it for a task."""
         ...
+
+
+@runtime_checkable
+class HasDeputies(Protocol):
+    """A planner that lets others decide in its place where they know better."""
+
+    @property
+    def deputies(self) -> Sequence[Planner]:
+        """Planners that may decide in its place in this episode; begun with it."""
+        ...
+
+
+def with_deputies(planner: Planner) -> list[Planner]:
+    """Return a planner and all that may decide in its place in this episode, theirs included."""
+    deputies = planner.deputies if isinstance(planner, HasDeputies) else ()
+    return [planner, *(each for deputy in deputies for each in with_deputies(deputy))]
 
 
 def mapping_for(planner: object, task: TaskName, config: MappingConfig) -> MappingConfig:

@@ -140,6 +140,12 @@ class LearnedPlanner:
         """The tasks that its policy was trained for."""
         return shipped_tasks() if self.card is None or self._shipped else self.card.tasks
 
+    @property
+    def deputies(self) -> tuple[Planner, ...]:
+        """The planners of the guard and, in an exploration, of the rule against cycles."""
+        rule = (self._greedy,) if self._end_cycles and self._exploring else ()
+        return (*self._classical.values(), *rule)
+
     def mapping_for(self, task: TaskName) -> MappingConfig:
         """Return the mapping to give it: the configured one, with utilities and beacons as the policy learnt them.
 
@@ -162,6 +168,7 @@ class LearnedPlanner:
             self.policy, self.card = self._read_shipped(task)
         assert self.card is not None
         self._forget()
+        self._exploring = target is None
         if self.policy.config.features == "guided":
             reference = ReferenceRoute(self.mapping_for(task))
             reference.reset(task, target)
@@ -301,6 +308,7 @@ class LearnedPlanner:
         self._random = np.random.default_rng(0)
         self._scanned = ScannedViewpoints(self._config.viewpoint_spacing)
         self._beacon = None
+        self._exploring = True
         self._reference = None
         self._depth = None
         self._classical = {}

@@ -12,7 +12,7 @@ from common.geometry import Pose, Scan
 from common.mapping.mapper import Mapper
 from common.mapping.raycast import cast_rays, ray_angles
 from common.mapping.warmup import warm_up as warm_up_mapping
-from common.planners.base import Planner, TaskName
+from common.planners.base import Planner, TaskName, with_deputies
 from common.tasks import find_task
 from deploy.bridge.unseen import find_unseen, go_to_unseen
 from deploy.bridge.way_out import way_out
@@ -58,7 +58,8 @@ def warm_up(config: DeployConfig, planners: list[tuple[Planner, TaskName]]) -> N
         mapper = robot_map.refresh()
         if mapper is not None:
             for planner, _ in planners:
-                _try(planner, mapper, pose)
+                for each in with_deputies(planner):
+                    _try(each, mapper, pose)
             if not mapper.stuck:
                 find_unseen(mapper, config.mapping.robot_radius)
                 go_to_unseen(mapper, pose, config.mapping.robot_radius, lambda _: False)

@@ -124,9 +124,15 @@ class CoveringTourPlanner(ViewpointPlanner):
     def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
         """Begin an episode: forget everything; there is no chance in this planner."""
         super().reset(task, target, seed)
+        self._nearest.reset(task, target, seed)
         self._held = HeldTour()
         self._last: list[int] = []
         self._gains: dict[int, tuple[int, float]] = {}
+
+    @property
+    def deputies(self) -> tuple[NearestPlanner]:
+        """Who decides where the floor opens on many sides."""
+        return (self._nearest,)
 
     def choose(
         self, mapper: Mapper, pose: Pose, candidates: NDArray[np.int64], positions: NDArray[np.float64]

@@ -6,7 +6,7 @@ from common.errors import CheckpointError, ConfigError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.network.parameters import initial_parameters
-from common.planners.base import Status, mapping_for
+from common.planners.base import Status, mapping_for, with_deputies
 from common.planners.learned import LearnedPlanner
 from common.planners.registry import make_planner
 from common.policies.policy_file import PolicyCard, write_policy
@@ -82,6 +82,19 @@ def test_without_a_policy_the_shipped_one_of_the_task_is_used():
     assert planner.tasks == shipped_tasks()
     with pytest.raises(CheckpointError, match="no policy is shipped for the task 'cleaning'"):
         shipped_policy("cleaning")
+
+
+@pytest.mark.parametrize(
+    ("task", "target", "names"),
+    [
+        ("exploration", None, ["hdplanner", "tour", "nearest", "greedy", "greedy"]),
+        ("navigation", (1.0, 1.0), ["hdplanner", "dstar_lite", "dstar_lite"]),
+    ],
+)
+def test_whoever_may_decide_in_its_place_can_be_prepared(task, target, names):
+    planner = make_planner("hdplanner", MappingConfig())
+    planner.reset(task, target, seed=0)
+    assert [each.name for each in with_deputies(planner)] == names
 
 
 def test_another_mapping_is_warned_of(policy, caplog):
