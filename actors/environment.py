@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from actors.expert import Expert, ExpertLabel
 from actors.maps.grid_map import GridMap
-from actors.protocol import ON_VIEWPOINT, check_way, way_out
+from actors.protocol import check_way, way_out
 from actors.rewards import StepOutcome, step_reward
 from actors.simulators.base import Leg, Simulator
 from actors.step import Step, StepInfo
@@ -21,6 +21,8 @@ from common.observations.observation import Observation
 from common.planners.base import Position
 from common.planners.reference import ReferenceRoute
 
+# Nearer to its viewpoint than this, metres, the robot counts as standing on it.
+ON_VIEWPOINT = 0.3
 # Decisions in a row that brought the robot nowhere before the episode is given up.
 MAX_BLOCKED = 4
 
@@ -167,8 +169,7 @@ class Environment:
 
         Args:
             position: metres, map frame; at most one longest straight edge of the viewpoint graph (sqrt(5) spacings)
-                away, and the straight segment to it must be known to be free, with room for the robot; from the robot,
-                or from its viewpoint when it stands beside that.
+                away, and the straight segment to it must be known to be free, with room for the robot.
             via: corners on the way there, metres, between which the same holds.
 
         Raises:

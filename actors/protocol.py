@@ -14,9 +14,6 @@ from common.mapping.viewpoints import LONGEST_EDGE
 from common.planners.base import Position
 from common.planners.viewpoint_planner import TOLERANCE
 
-# Nearer to its viewpoint than this, metres, the robot counts as standing on it.
-ON_VIEWPOINT = 0.3
-
 
 def check_way(mapper: Mapper, pose: Pose, way: Sequence[Position], spacing: float) -> None:
     """Check that every leg of a way is short enough and known to be free.
@@ -36,17 +33,11 @@ def check_way(mapper: Mapper, pose: Pose, way: Sequence[Position], spacing: floa
     for position in way:
         if not np.isfinite(position).all():
             raise HDError(f"a waypoint must be two finite coordinates in metres, got {position}")
-    # A robot beside its viewpoint, as robots with wheels are, may also go by the edges of that viewpoint.
-    places = [pose]
-    if not mapper.stuck:
-        node = Pose(*mapper.position(mapper.robot))
-        places += [node] if 0.0 < pose.distance_to(node.position) <= ON_VIEWPOINT else []
     longest = LONGEST_EDGE * spacing
     home = way_out(mapper, pose, way)
-    if not home:
-        _check_leg(mapper, places, way[0], longest)
-    for a, b in pairwise(way[max(len(home) - 1, 0) :]):
-        _check_leg(mapper, [Pose(*a)], b, longest)
+    legs = pairwise(way[len(home) - 1 :]) if home else pairwise([pose.position, *way])
+    for a, b in legs:
+        _check_leg(mapper, Pose(*a), b, longest)
 
 
 def way_out(mapper: Mapper, pose: Pose, way: Sequence[Position]) -> list[Position]:
@@ -57,16 +48,15 @@ def way_out(mapper: Mapper, pose: Pose, way: Sequence[Position]) -> list[Positio
     return home if list(way[: len(home)]) == home else []
 
 
-def _check_leg(mapper: Mapper, places: Sequence[Pose], position: Position, longest: float) -> None:
-    """Check the leg to a position from one of several places, where the robot is or counts as being."""
-    here = places[0].position
-    near = [place for place in places if place.distance_to(position) <= longest + TOLERANCE]
-    if not near:
+def _check_leg(mapper: Mapper, pose: Pose, position: Position, longest: float) -> None:
+    """Check the leg from a pose to a position."""
+    here = pose.position
+    if pose.distance_to(position) > longest + TOLERANCE:
         raise HDError(
-            f"a waypoint may be {longest:.2f} m away (one edge), got {places[0].distance_to(position):.2f} m from "
+            f"a waypoint may be {longest:.2f} m away (one edge), got {pose.distance_to(position):.2f} m from "
             f"{_shown(here)} to {_shown(position)}: cut the path there"
         )
-    if not any(mapper.segment_free(place.position, position) for place in near):
+    if not mapper.segment_free(here, position):
         raise HDError(
             f"the way from {_shown(here)} to {_shown(position)} is not known to be free: choose a waypoint that is "
             "in line of sight through known free space"

@@ -12,54 +12,6 @@ from actors.evaluation.outcome import CurvePoint, Leg, Outcome, Place
 from actors.evaluation.results import PLACES
 from actors.evaluation.settings import EvaluationSettings
 from actors.maps.grid_map import GridMap
-from actors.protocol import ON_VIEWPOINT
-from common.geometry import Pose
-from common.mapping.mapper import Mapper
-from common.planners.base import Plan, Position, TaskName
-
-
-class OnViewpoints:
-    """A planner that is told to stand on its viewpoint when it is close to it.
-
-    A robot with wheels stops a few centimetres beside its waypoint. From there the way to the next viewpoint may touch
-    a cell that the edge between the two does not; planners on the lattice would then drive back to where they are.
-    """
-
-    def __init__(self, planner: Decider) -> None:
-        """Wrap a planner."""
-        self._planner = planner
-
-    @property
-    def rule_applied(self) -> int | None:
-        """What the planner counts, if it does; see `Outcome.notes`."""
-        return getattr(self._planner, "rule_applied", None)
-
-    @property
-    def guarded(self) -> int | None:
-        """Likewise."""
-        return getattr(self._planner, "guarded", None)
-
-    @property
-    def name(self) -> str:
-        """Name of the planner."""
-        return self._planner.name
-
-    @property
-    def tasks(self) -> frozenset[TaskName]:
-        """Tasks of the planner."""
-        return self._planner.tasks
-
-    def reset(self, task: TaskName, target: Position | None, seed: int) -> None:
-        """Begin an episode."""
-        self._planner.reset(task, target, seed)
-
-    def plan(self, mapper: Mapper, pose: Pose) -> Plan:
-        """Decide."""
-        if not mapper.stuck:
-            viewpoint = mapper.position(mapper.robot)
-            if pose.distance_to(viewpoint) <= ON_VIEWPOINT:
-                pose = Pose(*viewpoint, pose.yaw)
-        return self._planner.plan(mapper, pose)
 
 
 class LargeEpisodeRunner(EpisodeRunner):
@@ -144,7 +96,7 @@ class LargeEpisodeRunner(EpisodeRunner):
                 curve.append((elapsed, round(place.distance, 3), self._noted.volume, round(explored, 5)))
             tell(event, place)
 
-        return self._drive(environment, OnViewpoints(planner), world, seed, told, steps)
+        return self._drive(environment, planner, world, seed, told, steps)
 
     def _noted_in(self, outcome: Outcome, curve: list[CurvePoint]) -> Outcome:
         """Return an outcome with what the simulator noted."""
