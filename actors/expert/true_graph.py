@@ -51,7 +51,7 @@ def _all_distances(
     n = len(pointer) - 1
     distances = np.empty((n, n), dtype=np.float32)
     for node in range(n):
-        distances[node] = shortest_paths(pointer, neighbours, lengths, node)[0]
+        distances[node] = shortest_paths(pointer, neighbours, lengths, node, -1)[0]
     return distances
 
 
@@ -124,7 +124,7 @@ class TrueGraph:
 
     def distances_from(self, node: int) -> NDArray[np.float64]:
         """Return the distances of all viewpoints from one, metres, float64, shape (n,)."""
-        distances: NDArray[np.float64] = shortest_paths(self.pointer, self.neighbours, self.lengths, node)[0]
+        distances: NDArray[np.float64] = shortest_paths(self.pointer, self.neighbours, self.lengths, node, -1)[0]
         return distances
 
     def target_links(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -145,7 +145,7 @@ class TrueGraph:
         # The target as one more node, from which edges lead to its links alone.
         pointer = np.append(self.pointer, len(self.neighbours) + len(links))
         neighbours = np.concatenate([self.neighbours, links.astype(np.int32)])
-        to_target, _ = shortest_paths(pointer, neighbours, np.concatenate([self.lengths, lengths]), len(self))
+        to_target, _ = shortest_paths(pointer, neighbours, np.concatenate([self.lengths, lengths]), len(self), -1)
         return np.asarray(to_target[:-1])
 
     def way_length(self, a: int, b: int) -> float:

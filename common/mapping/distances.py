@@ -11,7 +11,7 @@ from common.system.jit import njit
 
 @njit(cache=True, nogil=True)
 def shortest_paths(
-    pointer: NDArray[np.int64], neighbours: NDArray[np.int32], lengths: NDArray[np.float64], source: int
+    pointer: NDArray[np.int64], neighbours: NDArray[np.int32], lengths: NDArray[np.float64], source: int, goal: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Compute the distance of every node from one node over edges, and where its shortest path comes from.
 
@@ -20,6 +20,7 @@ def shortest_paths(
         neighbours: node numbers, int32, shape (entries,).
         lengths: of the edges to them, metres, float64, same shape.
         source: node number.
+        goal: the search ends there, and what is farther away is not found; -1 for none.
 
     Returns:
         Distances in metres, float64, shape (n,), infinite where no path leads; and the node before each one on its
@@ -41,6 +42,8 @@ def shortest_paths(
         if done[node]:
             continue
         done[node] = True
+        if node == goal:
+            break
         for k in range(pointer[node], pointer[node + 1]):
             there = neighbours[k]
             distance = distances[node] + lengths[k]

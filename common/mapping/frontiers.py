@@ -111,6 +111,36 @@ def _find_changes(
     return new, gone, lost[0], lost[1], lost[2], lost[3]
 
 
+@njit(cache=True, nogil=True)
+def _merge(flat: NDArray[np.int64], added: NDArray[np.int32], removed: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Return ascending numbers with some more, and without some others; all of them ascending."""
+    merged = np.empty(len(flat) + len(added) - len(removed), dtype=np.int64)
+    size, a, r = 0, 0, 0
+    for cell in flat:
+        while a < len(added) and added[a] < cell:
+            merged[size] = added[a]
+            size += 1
+            a += 1
+        if r < len(removed) and removed[r] == cell:
+            r += 1
+        else:
+            merged[size] = cell
+            size += 1
+    merged[size:] = added[a:]
+    return merged
+
+
+@njit(cache=True, nogil=True)
+def middles(flat: NDArray[np.int64], width: int, resolution: float, x: float, y: float) -> NDArray[np.float64]:
+    """Return the middles of cells of a padded grid whose inner lower left corner lies at (x, y), metres, (m, 2)."""
+    places = np.empty((len(flat), 2))
+    for k in range(len(flat)):
+        row = flat[k] // width
+        places[k, 0] = (flat[k] - row * width - 0.5) * resolution + x
+        places[k, 1] = (row - 0.5) * resolution + y
+    return places
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FrontierChanges:
     """What an update did to the frontiers.
@@ -165,7 +195,7 @@ class Frontiers:
 
     @property
     def flat(self) -> NDArray[np.int64]:
-        """Flat indices of the frontier cells in the padded grid, ascending; found once an update."""
+        """Flat indices of the frontier cells in the padded grid, ascending; found once, then kept up to date."""
         if self._flat is None:
             self._flat = np.flatnonzero(self._mask)
         return self._flat
@@ -191,6 +221,7 @@ class Frontiers:
             padded, self._settled, self._mask, self._passages, self._crowd, self._spans, *changed,
             self._added, self._removed, layout, dirty, beside,
         )  # fmt: skip
-        if added or removed:
-            self._flat = None
-        return FrontierChanges(self._added[:added], self._removed[:removed], (lost[0], lost[1], lost[2], lost[3]))
+        changes = FrontierChanges(self._added[:added], self._removed[:removed], (lost[0], lost[1], lost[2], lost[3]))
+        if self._flat is not None and (added or removed):
+            self._flat = _merge(self._flat, changes.added, changes.removed)
+        return changes

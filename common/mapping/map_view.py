@@ -15,7 +15,7 @@ from common.mapping.belief import Belief
 from common.mapping.cell_grid import ClearGrid
 from common.mapping.clearance import CLEAR_CELL, SWEEP_TOLERANCE, TIGHT, sweep
 from common.mapping.distances import shortest_paths
-from common.mapping.frontiers import Frontiers
+from common.mapping.frontiers import Frontiers, middles
 from common.mapping.occupancy_image import image_reaches, occupancy_image
 from common.mapping.pieces import cells_of_nodes
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
@@ -101,8 +101,11 @@ class MapView:
     def frontiers(self) -> NDArray[np.float64]:
         """Centres of all frontier cells, row-major, metres, shape (m, 2)."""
         # The grid may have grown since the update.
-        rows, columns = np.divmod(self._frontiers.flat, self._frontiers.padded_mask.shape[1])
-        return np.stack([columns - 0.5, rows - 0.5], axis=1) * self.belief.resolution + self._origin
+        frontiers = self._frontiers
+        found: NDArray[np.float64] = middles(
+            frontiers.flat, frontiers.padded_mask.shape[1], self.belief.resolution, *self._origin
+        )
+        return found
 
     def sightings(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
         """Return which frontier cells each viewpoint of the last update observes: in range and in line of sight.
@@ -296,8 +299,8 @@ class MapView:
         Raises:
             MappingError: `from_node` is not a viewpoint, or `to_node` not a node, of the last update.
         """
-        distances, before = self.shortest_paths(from_node)
-        self._check_node(to_node, len(distances))
+        self._check_node(to_node, len(self._order) + (self._target is not None))
+        distances, before = self._search(from_node, to_node)
         if not np.isfinite(distances[to_node]):
             return []
         nodes = [to_node]
@@ -311,9 +314,14 @@ class MapView:
         Raises:
             MappingError: `from_node` is not a viewpoint of the last update.
         """
+        return self._search(from_node, -1)
+
+    def _search(self, from_node: int, goal: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Return the same; with a viewpoint for a goal only what is nearer than that is sure."""
         self._check_node(from_node, len(self._order))
         edges = self._edges
-        distances, before = shortest_paths(edges.pointer, edges.neighbours, edges.lengths, from_node)
+        # The target is no viewpoint, so all its links are needed.
+        distances, before = shortest_paths(edges.pointer, edges.neighbours, edges.lengths, from_node, goal)
         if self._target is None:
             return distances, before
         ways = distances[self._target.links] + self._target.lengths

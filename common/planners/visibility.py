@@ -104,6 +104,7 @@ def _unknown_in_sight(
     points: NDArray[np.int64],
     reach: float,
     angles: NDArray[np.float64],
+    enough: float,
 ) -> NDArray[np.float64]:
     areas = np.zeros(len(points))
     cosines, sines = np.cos(angles), np.sin(angles)
@@ -112,6 +113,8 @@ def _unknown_in_sight(
         start_x, start_y = x / SUBCELLS, y / SUBCELLS
         first = (y >> SUBCELL_BITS) * width + (x >> SUBCELL_BITS)
         for ray in range(len(angles)):
+            if areas[p] > enough:
+                break
             step_x, next_x, delta_x = _axis(start_x, cosines[ray])
             step_y, next_y, delta_y = _axis(start_y, sines[ray])
             step_y *= width
@@ -143,7 +146,7 @@ def _unknown_in_sight(
 
 
 def unknown_in_sight(
-    mapper: Mapper, points: NDArray[np.float64], reach: float, rays: int = GAIN_RAYS
+    mapper: Mapper, points: NDArray[np.float64], reach: float, rays: int = GAIN_RAYS, enough: float = np.inf
 ) -> NDArray[np.float64]:
     """Return the unknown area that a sensor at each point would meet before the first known wall, square metres.
 
@@ -155,6 +158,7 @@ def unknown_in_sight(
         points: metres, in free cells, shape (n, 2).
         reach: range of the sensor, metres.
         rays: evenly spread over the circle; each stands for its sector.
+        enough: a point that shows more than this is not measured to the end, square metres.
     """
     belief = mapper.belief
     padded = belief.padded
@@ -162,6 +166,7 @@ def unknown_in_sight(
     columns, rows = (subcells(belief, mapper.frontiers) >> SUBCELL_BITS).T
     entrances[rows, columns] = True
     angles = (np.arange(rays, dtype=np.float64) + 0.5) * (2.0 * np.pi / rays)
+    sector = np.pi / rays * belief.resolution**2
     areas = _unknown_in_sight(
         padded.reshape(-1),
         padded.shape[1],
@@ -169,5 +174,6 @@ def unknown_in_sight(
         subcells(belief, points),
         reach / belief.resolution,
         angles,
+        enough / sector,
     )
     return areas * belief.resolution**2

@@ -58,68 +58,94 @@ def improve_tour(distances: NDArray[np.float32], start: int, stops: NDArray[np.i
     The end is free. Every move shortens the tour by more than a millimetre, so the loop ends; the result is never
     longer than what came in.
     """
-    n = len(stops)
+    legs = np.empty(len(stops), dtype=np.float32)
+    _legs(distances, start, stops, legs)
     for _ in range(64):
-        changed = _two_opt(distances, start, stops)
-        changed |= n > 1 and _or_opt(distances, start, stops)
+        changed = _two_opt(distances, start, stops, legs)
+        changed |= len(stops) > 1 and _or_opt(distances, start, stops, legs)
         if not changed:
             break
 
 
 @njit(cache=True, nogil=True)
-def _two_opt(distances: NDArray[np.float32], start: int, stops: NDArray[np.int64]) -> bool:
+def _legs(distances: NDArray[np.float32], start: int, stops: NDArray[np.int64], legs: NDArray[np.float32]) -> None:
+    """Write the length of the leg that leads to each stop."""
+    at = start
+    for k in range(len(stops)):
+        legs[k] = distances[at, stops[k]]
+        at = stops[k]
+
+
+@njit(cache=True, nogil=True)
+def _two_opt(distances: NDArray[np.float32], start: int, stops: NDArray[np.int64], legs: NDArray[np.float32]) -> bool:
     n = len(stops)
     changed = False
     for i in range(n - 1):
+        from_before = distances[start if i == 0 else stops[i - 1]]
+        from_first = distances[stops[i]]
         for j in range(i + 1, n):
-            before = start if i == 0 else stops[i - 1]
-            old = distances[before, stops[i]]
-            new = distances[before, stops[j]]
+            old = legs[i]
             if j < n - 1:
-                old += distances[stops[j], stops[j + 1]]
-                new += distances[stops[i], stops[j + 1]]
+                old += legs[j + 1]
+            new = from_before[stops[j]]
+            # The other new leg only adds to this one.
+            if new >= old:
+                continue
+            if j < n - 1:
+                new += from_first[stops[j + 1]]
             if new < old - GAIN:
                 a, b = i, j
                 while a < b:
                     stops[a], stops[b] = stops[b], stops[a]
                     a += 1
                     b -= 1
+                _legs(distances, start, stops, legs)
+                from_first = distances[stops[i]]
                 changed = True
     return changed
 
 
 @njit(cache=True, nogil=True)
-def _or_opt(distances: NDArray[np.float32], start: int, stops: NDArray[np.int64]) -> bool:
+def _or_opt(distances: NDArray[np.float32], start: int, stops: NDArray[np.int64], legs: NDArray[np.float32]) -> bool:
     n = len(stops)
     changed = False
     segment = np.empty(3, dtype=np.int64)
+    # The tour without the segment, and its legs; gap k lies before stop k of it.
+    rest = np.empty(n, dtype=np.int64)
+    rest_legs = np.empty(n, dtype=np.float32)
     for length in range(1, min(3, n - 1) + 1):
         for i in range(n - length + 1):
             before = start if i == 0 else stops[i - 1]
             head = stops[i]
             tail = stops[i + length - 1]
-            saved = distances[before, head]
+            saved = legs[i]
             if i + length < n:
                 after = stops[i + length]
-                saved += distances[tail, after] - distances[before, after]
+                saved += legs[i + length] - distances[before, after]
             # No gap takes the segment for less than nothing, as path lengths obey the triangle inequality.
             if not saved > GAIN:
                 continue
+            rest[:i], rest_legs[:i] = stops[:i], legs[:i]
+            rest[i : n - length], rest_legs[i : n - length] = stops[i + length :], legs[i + length :]
+            from_head, from_tail = distances[head], distances[tail]
+            span = from_head[tail]
             best = GAIN
             where = -1
             turned = False
-            # Gap k lies before stop k of the tour without the segment.
+            left = start
             for k in range(n - length + 1):
-                if k == i:
-                    continue
-                left = start if k == 0 else stops[k - 1 if k - 1 < i else k - 1 + length]
-                straight = distances[left, head]
-                reverse = distances[left, tail]
+                straight, reverse = from_head[left], from_tail[left]
                 if k < n - length:
-                    right = stops[k if k < i else k + length]
-                    between = distances[left, right]
-                    straight += distances[tail, right] - between
-                    reverse += distances[head, right] - between
+                    right = rest[k]
+                    between = rest_legs[k]
+                    left = right
+                    # By the same inequality the gap costs at least so much.
+                    if k == i or 2.0 * (straight - between) - span >= saved - best:
+                        continue
+                    straight += from_tail[right] - between
+                    reverse += from_head[right] - between
+                elif k == i:
+                    continue
                 if saved - straight > best:
                     best, where, turned = saved - straight, k, False
                 if saved - reverse > best:
@@ -128,11 +154,9 @@ def _or_opt(distances: NDArray[np.float32], start: int, stops: NDArray[np.int64]
                 continue
             for k in range(length):
                 segment[k] = stops[i + length - 1 - k] if turned else stops[i + k]
-            for k in range(i, n - length):
-                stops[k] = stops[k + length]
-            for k in range(n - length, where, -1):
-                stops[k - 1 + length] = stops[k - 1]
-            for k in range(length):
-                stops[where + k] = segment[k]
+            stops[:where] = rest[:where]
+            stops[where : where + length] = segment[:length]
+            stops[where + length :] = rest[where : n - length]
+            _legs(distances, start, stops, legs)
             changed = True
     return changed

@@ -69,6 +69,8 @@ def price_choices(
                 size += 1
                 need[tile[k]] = np.uint64(0)
         begin[s + 1] = size
+    # The local search reads each distance many times: a table of these places alone stays in the processor's cache.
+    table = _table(distances, np.concatenate((stops, choices)))
     seen = np.zeros(len(missing), dtype=np.uint64)
     dropped = np.zeros(n, dtype=np.bool_)
     lengths = np.full(len(choices), np.inf)
@@ -107,32 +109,20 @@ def price_choices(
         if allowed[v]:
             for k in range(pointer[v], pointer[v + 1]):
                 seen[tile[k]] = np.uint64(0)
-        count = 0
-        for s in range(n):
-            if not dropped[s]:
-                orders[c, count] = stops[s]
-                count += 1
-        sizes[c] = count
-        lengths[c] = _shorten(distances, v, orders[c, :count])
+        tour = np.flatnonzero(~dropped)
+        improve_tour(table, n + c, tour)
+        sizes[c] = len(tour)
+        orders[c, : len(tour)] = stops[tour]
+        lengths[c] = tour_length(table, n + c, tour)
     return lengths
 
 
 @njit(cache=True, nogil=True)
-def _shorten(distances: NDArray[np.float32], start: int, order: NDArray[np.int64]) -> float:
-    """Shorten an open tour in place and return its length, metres.
-
-    The local search reads each distance many times: a table of the tour's own ones stays in the processor's cache.
-    """
-    count = len(order) + 1
-    places = np.empty(count, dtype=np.int64)
-    places[0] = start
-    places[1:] = order
-    table = np.empty((count, count), dtype=np.float32)
-    for a in range(count):
-        for b in range(count):
-            table[a, b] = distances[places[a], places[b]]
-    tour = np.arange(1, count)
-    improve_tour(table, 0, tour)
-    for k in range(count - 1):
-        order[k] = places[tour[k]]
-    return float(tour_length(table, 0, tour))
+def _table(distances: NDArray[np.float32], places: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Return the distances between some places, infinite for places that are -1."""
+    table = np.full((len(places), len(places)), np.inf, dtype=np.float32)
+    for a in range(len(places)):
+        for b in range(len(places)):
+            if places[a] >= 0 and places[b] >= 0:
+                table[a, b] = distances[places[a], places[b]]
+    return table

@@ -88,7 +88,7 @@ class _Edges:
     def nearest(self, goals: list[int], target: Position | None) -> list[int]:
         """Return the nodes of the shortest way to the best goal, the robot's first; empty without one."""
         mapper = self._mapper
-        distances, before = shortest_paths(self._pointer, self._neighbours, self._lengths, mapper.robot)
+        distances, before = shortest_paths(self._pointer, self._neighbours, self._lengths, mapper.robot, -1)
         n = len(distances)
         best: tuple[float, list[int]] = (np.inf, [])
         for goal in goals:

@@ -15,7 +15,7 @@ from common.planners.base import Position, TaskName
 from common.planners.exploration.clusters import cluster_labels, openings
 from common.planners.exploration.held_tour import HeldTour
 from common.planners.exploration.nearest import NearestPlanner
-from common.planners.exploration.ways import Ways
+from common.planners.exploration.ways import Paths, Ways, place_keys
 from common.planners.viewpoint_planner import ViewpointPlanner
 from common.planners.visibility import unknown_in_sight
 from common.system.jit import njit
@@ -126,6 +126,7 @@ class CoveringTourPlanner(ViewpointPlanner):
         super().reset(task, target, seed)
         self._nearest.reset(task, target, seed)
         self._held = HeldTour()
+        self._paths = Paths()
         self._last: list[int] = []
         self._gains: dict[int, tuple[int, float]] = {}
 
@@ -156,6 +157,7 @@ class CoveringTourPlanner(ViewpointPlanner):
     ) -> list[int]:
         """Return the stops of a new tour: of the rewarding ones, or where none is left of whatever is."""
         frontiers = mapper.frontiers
+        self._paths.update(positions, mapper.adjacency)
         sizes = np.bincount(labels)[labels]
         pointer, seen = mapper.sightings()
         near = _within(pointer, seen, positions, frontiers, self._cover_range)
@@ -172,10 +174,10 @@ class CoveringTourPlanner(ViewpointPlanner):
             ((pointer, seen), allowed, every),
         ):
             if _see_any(rows, wanted)[viewpoints].any():
-                tour = _Tour(mapper, rows, labels, viewpoints, wanted, allowed, wanted | extra)
+                tour = _Tour(mapper, self._paths, rows, labels, viewpoints, wanted, allowed, wanted | extra)
                 stops = tour.solve(self._last, self._detour)
                 if stops:
-                    self._last = _keys(positions[stops]).tolist()
+                    self._last = place_keys(positions[stops]).tolist()
                     return stops
         return []
 
@@ -193,11 +195,11 @@ class CoveringTourPlanner(ViewpointPlanner):
         """
         nodes = np.flatnonzero(allowed & _see_any(rows, wanted))
         positions = mapper.viewpoints[nodes]
-        keys = _keys(positions).tolist()
-        views = _digests(*rows, nodes, _keys(frontiers)).tolist()
+        keys = place_keys(positions).tolist()
+        views = _digests(*rows, nodes, place_keys(frontiers)).tolist()
         known = self._gains
         new = [k for k, (key, view) in enumerate(zip(keys, views, strict=True)) if known.get(key, _NEVER)[0] != view]
-        measured = unknown_in_sight(mapper, positions[new], self.config.sensor_range, RAYS)
+        measured = unknown_in_sight(mapper, positions[new], self.config.sensor_range, RAYS, self._min_gain)
         for k, gain in zip(new, measured.tolist(), strict=True):
             known[keys[k]] = views[k], gain
         worth = np.zeros(len(allowed), dtype=np.bool_)
@@ -211,6 +213,7 @@ class _Tour:
     def __init__(
         self,
         mapper: Mapper,
+        paths: Paths,
         rows: _Rows,
         labels: NDArray[np.int64],
         viewpoints: NDArray[np.bool_],
@@ -222,6 +225,7 @@ class _Tour:
 
         Args:
             mapper: updated.
+            paths: brought up to date with it.
             rows: frontier cells that each node sees from near enough.
             labels: cluster of each frontier cell, which orders the cells.
             viewpoints: nodes that may be stops, bool, shape (nodes,).
@@ -235,10 +239,10 @@ class _Tour:
         member[around] = True
         member[robot] = True
         nodes = np.flatnonzero(member)
-        self.ways = Ways(mapper, nodes)
+        self.ways = Ways(paths, nodes)
         self.positions = mapper.viewpoints[nodes]
         self.start, self.choices = int(np.searchsorted(nodes, robot)), np.searchsorted(nodes, around)
-        self.ways.look_up([self.start])
+        self.ways.look_up(np.array([self.start]))
         reachable = np.isfinite(self.ways.lengths[self.start])
         self.allowed = viewpoints[nodes] & _see_any(rows, wanted)[nodes] & reachable
         self.more = more_viewpoints[nodes] & reachable
@@ -255,13 +259,13 @@ class _Tour:
         """Return the best neighbour and the stops of the tour from there, as node numbers.
 
         Args:
-            last: keys of the last decision's stops, in order, see `_keys`.
+            last: keys of the last decision's stops, in order, see `place_keys`.
             detour: metres that a stop for what need not be seen may add.
         """
         if not self.allowed.any():
             return []
         viewpoints = np.flatnonzero(self.allowed)
-        places = dict(zip(_keys(self.positions[viewpoints]).tolist(), viewpoints.tolist(), strict=True))
+        places = dict(zip(place_keys(self.positions[viewpoints]).tolist(), viewpoints.tolist(), strict=True))
         kept = np.array([places[each] for each in last if each in places], dtype=np.int64)
         stops = self._cover(_NO_STOPS)
         if len(kept):
@@ -288,7 +292,7 @@ class _Tour:
         remove_seen(pointer, tile, mask, kept, rest)
         gains = cover.count_gains(pointer, tile, mask, rest, self.allowed)
         chosen = cover.greedy_cover(pointer, tile, mask, rest, gains, np.ones(len(gains)), count_bits(rest), 0)
-        self.ways.look_up([*kept, *chosen])
+        self.ways.look_up(np.concatenate([kept, chosen]))
         stops = insert_all(lengths, self.start, kept, chosen)
         for _ in range(ROUNDS):
             before = stops
@@ -298,7 +302,7 @@ class _Tour:
             )
             self.ways.look_up(stops)
             if np.array_equal(stops, before):
-                break
+                return stops
         improve_tour(lengths, self.start, stops)
         return stops
 
@@ -368,12 +372,16 @@ def _digests(
 
 def _see_any(rows: _Rows, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return which nodes see any of the wanted cells, bool, shape (nodes,)."""
-    pointer, seen = rows
-    counts = np.concatenate([[0], np.cumsum(wanted[seen])])
-    return np.asarray(counts[pointer[1:]] > counts[pointer[:-1]])
+    seeing: NDArray[np.bool_] = _any_of(*rows, wanted)
+    return seeing
 
 
-def _keys(positions: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return a number for each position that tells places a millimetre apart, whatever the update."""
-    millimetres = np.rint(positions * 1e3).astype(np.int64)
-    return np.asarray((millimetres[:, 0] << 32) + millimetres[:, 1])
+@njit(cache=True, nogil=True)
+def _any_of(pointer: NDArray[np.int64], seen: NDArray[np.int32], wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    seeing = np.zeros(len(pointer) - 1, dtype=np.bool_)
+    for node in range(len(seeing)):
+        for k in range(pointer[node], pointer[node + 1]):
+            if wanted[seen[k]]:
+                seeing[node] = True
+                break
+    return seeing
