@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from actors.evaluation.results import ResultsError
 from actors.evaluation.statistics import compare, distance_ratio, group_means, summarise
@@ -22,6 +21,9 @@ def test_figures_by_hand():
 
 
 def test_a_comparison_agrees_with_scipy_on_the_pairs():
+    # A second, which every process that collects tests would pay.
+    from scipy import stats
+
     random = np.random.default_rng(4)
     b = random.uniform(50, 100, 40)
     a = b * 0.9 + random.normal(0, 3, 40)
