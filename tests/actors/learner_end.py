@@ -29,7 +29,7 @@ SMALL = {
     },
     "simulator": {"name": "grid"},
     "task": {"max_steps": 12},
-    "network": {"width": 32, "heads": 2, "layers": 1},
+    "network": {"width": 16, "heads": 2, "layers": 1},
     "actor": {"chunk_steps": 4},
 }
 

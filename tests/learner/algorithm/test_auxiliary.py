@@ -33,7 +33,7 @@ from tests.actors.test_environment import BRANCHES, MAPPING
 CPU = torch.device("cpu")
 CONFIG = RunConfig.model_validate(
     {
-        "network": {"width": 32, "heads": 2, "layers": 1, "belief_map": True, "graph": "reduced"},
+        "network": {"width": 32, "heads": 4, "layers": 1, "belief_map": True, "graph": "reduced"},
         "cloning": {"updates": 100, "auxiliary_weight": 0.5, "learning_rate": 5e-3},
         "learner": {"total_updates": 100},
     }
