@@ -7,7 +7,7 @@ in 1/65536 cells from the anchor, as the mapping defines them.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache, lru_cache
 from math import ceil, cos, floor, hypot, inf, isnan, pi, sin, sqrt
 
 import numpy as np
@@ -68,18 +68,13 @@ def flood(start: Cell, cells: set[Cell]) -> set[Cell]:
 @lru_cache(maxsize=200_000)
 def touched_cells(a: Point, b: Point) -> list[Cell]:
     """All cells whose closed square meets the closed segment: boxes overlap, and no side of the line holds it all."""
-    columns = np.arange((min(a[0], b[0]) - 1) // UNIT, max(a[0], b[0]) // UNIT + 1)
-    rows = np.arange((min(a[1], b[1]) - 1) // UNIT, max(a[1], b[1]) // UNIT + 1)
-    row, column = (grid.ravel() for grid in np.meshgrid(rows, columns, indexing="ij"))
-    sides = np.stack(
-        [
-            (b[0] - a[0]) * ((row + up) * UNIT - a[1]) - (b[1] - a[1]) * ((column + right) * UNIT - a[0])
-            for up in (0, 1)
-            for right in (0, 1)
-        ]
-    )
-    meets = ~((sides > 0).all(axis=0) | (sides < 0).all(axis=0))
-    return list(zip(row[meets].tolist(), column[meets].tolist(), strict=True))
+    columns = np.arange((min(a[0], b[0]) - 1) // UNIT, max(a[0], b[0]) // UNIT + 2)
+    rows = np.arange((min(a[1], b[1]) - 1) // UNIT, max(a[1], b[1]) // UNIT + 2)
+    # On which side of the line each corner is: a cell's are its own and those of the next row and column.
+    side = np.sign((b[0] - a[0]) * (rows[:, None] * UNIT - a[1]) - (b[1] - a[1]) * (columns * UNIT - a[0]))
+    total = side[1:] + side[:-1]
+    row, column = np.nonzero(np.abs(total[:, 1:] + total[:, :-1]) < 4)
+    return list(zip((row + rows[0]).tolist(), (column + columns[0]).tolist(), strict=True))
 
 
 class ReferenceMapper:
@@ -98,6 +93,9 @@ class ReferenceMapper:
         # Cells at whose viewpoints the robot has been.
         self.been: set[Cell] = set()
         self._sight: dict[tuple[Point, Point], bool] = {}
+        # The lattice lies still: what was computed of it is kept.
+        self._nearest = cache(self._nearest_number)
+        self.cells_of = cache(self._cells_of)
 
     def point(self, position: tuple[float, float]) -> Point:
         return (
@@ -229,13 +227,13 @@ class ReferenceMapper:
         x, y = middle(cell)
         return self._nearest(x, 0), self._nearest(y, 1)
 
-    def _nearest(self, value: int, axis: int) -> int:
+    def _nearest_number(self, value: int, axis: int) -> int:
         """Number of the nearest lattice point along an axis, the higher of two equally near ones."""
         step = self.config.viewpoint_spacing / self.config.resolution * UNIT
         guess = floor((value - self.lattice_point((0, 0))[axis]) / step)
         return min(range(guess - 1, guess + 3), key=lambda k: (abs(self.lattice_point((k, k))[axis] - value), -k))
 
-    def cells_of(self, square: Square) -> list[Cell]:
+    def _cells_of(self, square: Square) -> list[Cell]:
         x, y = self.lattice_point(square)
         side = ceil(self.config.viewpoint_spacing / self.config.resolution) + 1
         return [
