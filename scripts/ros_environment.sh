@@ -10,7 +10,8 @@ rm -rf "$ros"
 mapfile -t wheels < <("$venv/bin/python" -c "
 import tomllib
 print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['ros2'], sep='\n')")
-if ! "$ros/bin/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt "${wheels[@]}" 2> "$ros/pip.log"; then
+options=(--quiet --disable-pip-version-check --no-compile -c constraints.txt)
+if ! "$ros/bin/python" -m pip install "${options[@]}" "${wheels[@]}" 2> "$ros/pip.log"; then
     cat "$ros/pip.log" >&2
     grep -q 'No matching distribution found' "$ros/pip.log" && exit 3
     exit 1
