@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import subprocess
 import time
@@ -110,12 +111,15 @@ class Rig(Closing):
         self.disk = disk
         self._acks = folder / "acknowledged"
         self._acks.touch()
+        self._read = 0
+        self._acknowledged: dict[tuple[int, int], float] = {}
         self.learner = Learner(disk.path if disk else folder, RIG_SETTINGS)
         self.learner.log = folder / "learner.log"
         self.link = Link(self.learner.endpoint)
         self._actors: list[Actors] = []
-        self.damaged: dict[Key, Delivery] = {}
-        """Deliveries that were damaged on purpose."""
+        self._entries: dict[bytes, tuple[Key, int | None]] = {}
+        self.damaged: dict[Key, int | None] = {}
+        """Deliveries that were damaged on purpose, as `stored` has them."""
         self._session = open_client_session(BusConfig(), [self.learner.endpoint])
         self.learner.launch("start")
         self.honest("desk", number=2)
@@ -141,11 +145,15 @@ class Rig(Closing):
 
         By incarnation and sequence number: no two honest actors share an incarnation.
         """
-        found = {}
-        for line in self._acks.read_text("ascii").splitlines():
+        with self._acks.open("rb") as file:
+            file.seek(self._read)
+            # A line is written at one stroke, so what is there are whole lines.
+            new = file.read()
+        self._read += len(new)
+        for line in new.splitlines():
             incarnation, sequence, moment = line.split()
-            found[int(incarnation), int(sequence)] = float(moment)
-        return found
+            self._acknowledged[int(incarnation), int(sequence)] = float(moment)
+        return self._acknowledged
 
     def resumed(self, since: float, seconds: float = 60.0) -> float | None:
         """Wait for the first acknowledgement after a moment; return how long after it came, None if not in time."""
@@ -157,17 +165,26 @@ class Rig(Closing):
             time.sleep(0.05)
         return None
 
-    def stored(self) -> dict[Key, Delivery]:
-        """Read the journal as it is now."""
+    def stored(self) -> dict[Key, int | None]:
+        """Read the journal as it is now: the steps of each delivery, None for the report of an episode."""
         found = {}
         for path in segment_paths(self.learner.run_folder / "journal").values():
             with contextlib.suppress(FileNotFoundError):  # an empty segment goes when a learner ends
                 for record in list(scan(path)):
                     if isinstance(record, Found) and record.kind == RecordKind.DELIVERY:
                         with contextlib.suppress(MessageError):
-                            delivery = decode(record.payload, Delivery)
-                            found[delivery.actor, delivery.incarnation, delivery.sequence] = delivery
+                            key, steps = self._entry(record.payload)
+                            found[key] = steps
         return found
+
+    def _entry(self, payload: bytes) -> tuple[Key, int | None]:
+        """Decode a delivery for the books, unless that was done before; MessageError if it is none."""
+        digest = hashlib.blake2b(payload, digest_size=16).digest()
+        if digest not in self._entries:
+            delivery = decode(payload, Delivery)
+            steps = delivery.body.steps if isinstance(delivery.body, Chunk) else None
+            self._entries[digest] = (delivery.actor, delivery.incarnation, delivery.sequence), steps
+        return self._entries[digest]
 
     def books(self) -> tuple[int, int, int]:
         """Return how many messages were acknowledged, how many of them are lost, and what is counted too often."""
@@ -177,8 +194,8 @@ class Rig(Closing):
         stored = self.stored()
         ever = {**self.damaged, **stored}
         lost = known.keys() - {(incarnation, sequence) for _, incarnation, sequence in ever}
-        steps = sum(each.body.steps for each in ever.values() if isinstance(each.body, Chunk))
-        episodes = sum(not isinstance(each.body, Chunk) for each in ever.values())
+        steps = sum(each for each in ever.values() if each is not None)
+        episodes = sum(each is None for each in ever.values())
         doubled = max(0, state["steps"] - steps) + max(0, state["episodes"] - episodes)
         return len(known), len(lost), doubled
 
