@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from actors.expert import Expert, ExpertLabel
 from actors.maps.grid_map import GridMap
-from actors.protocol import check_way, way_out
+from actors.protocol import check_way
 from actors.rewards import StepOutcome, step_reward
 from actors.simulators.base import Leg, Simulator
 from actors.step import Step, StepInfo
@@ -296,7 +296,7 @@ class Environment:
         """
         if not self.mapper.segment_free(self.pose.position, way[0]) and not self.mapper.stuck:
             home = self.mapper.way_home()
-            if self.pose.distance_to(home[-1]) > 1e-6 and not way_out(self.mapper, self.pose, way):
+            if self.pose.distance_to(home[-1]) > 1e-6 and way[: len(home)] != home:
                 way = [*home, *way]
         reached = True
         for place in way:

@@ -34,18 +34,12 @@ def check_way(mapper: Mapper, pose: Pose, way: Sequence[Position], spacing: floa
         if not np.isfinite(position).all():
             raise HDError(f"a waypoint must be two finite coordinates in metres, got {position}")
     longest = LONGEST_EDGE * spacing
-    home = way_out(mapper, pose, way)
-    legs = pairwise(way[len(home) - 1 :]) if home else pairwise([pose.position, *way])
-    for a, b in legs:
+    home = [] if mapper.stuck else mapper.way_home()
+    legs = [pose.position, *way]
+    if list(way[: len(home)]) == home:
+        legs = legs[len(home) :]
+    for a, b in pairwise(legs):
         _check_leg(mapper, Pose(*a), b, longest)
-
-
-def way_out(mapper: Mapper, pose: Pose, way: Sequence[Position]) -> list[Position]:
-    """Return the mapper's way home where a way begins with that and not in the open, empty otherwise."""
-    if mapper.stuck or mapper.segment_free(pose.position, way[0]):
-        return []
-    home = mapper.way_home()
-    return home if list(way[: len(home)]) == home else []
 
 
 def _check_leg(mapper: Mapper, pose: Pose, position: Position, longest: float) -> None:
