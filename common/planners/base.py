@@ -101,9 +101,13 @@ class HasDeputies(Protocol):
 
 
 def with_deputies(planner: Planner) -> list[Planner]:
-    """Return a planner and all that may decide in its place in this episode, theirs included."""
+    """Return a planner and those that may decide in its place in this episode, theirs included, one of each class."""
     deputies = planner.deputies if isinstance(planner, HasDeputies) else ()
-    return [planner, *(each for deputy in deputies for each in with_deputies(deputy))]
+    kinds: dict[type[Planner], Planner] = {type(planner): planner}
+    for deputy in deputies:
+        for each in with_deputies(deputy):
+            kinds.setdefault(type(each), each)
+    return list(kinds.values())
 
 
 def mapping_for(planner: object, task: TaskName, config: MappingConfig) -> MappingConfig:

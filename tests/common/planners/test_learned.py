@@ -87,8 +87,8 @@ def test_without_a_policy_the_shipped_one_of_the_task_is_used():
 @pytest.mark.parametrize(
     ("task", "target", "names"),
     [
-        ("exploration", None, ["hdplanner", "tour", "nearest", "greedy", "greedy"]),
-        ("navigation", (1.0, 1.0), ["hdplanner", "dstar_lite", "dstar_lite"]),
+        ("exploration", None, ["hdplanner", "tour", "nearest", "greedy"]),
+        ("navigation", (1.0, 1.0), ["hdplanner", "dstar_lite"]),
     ],
 )
 def test_whoever_may_decide_in_its_place_can_be_prepared(task, target, names):
