@@ -143,7 +143,8 @@ class Rig(Closing):
     def acknowledged(self) -> dict[tuple[int, int], float]:
         """Return when each message of an honest actor was acknowledged, monotonic seconds.
 
-        By incarnation and sequence number: no two honest actors share an incarnation.
+        By incarnation and sequence number: no two honest actors share an incarnation. The dictionary grows with each
+        call.
         """
         with self._acks.open("rb") as file:
             file.seek(self._read)
