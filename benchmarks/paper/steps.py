@@ -53,8 +53,8 @@ class Folders:
     release: Path
 
     def filled(self, options: Sequence[str]) -> list[str]:
-        """Return options with the folders in them."""
-        return [option.replace(MAPS, str(self.maps)).replace(SCENES, str(self.work / "scenes")) for option in options]
+        """Return options with the folders in them; scenes as from `work`, so that results name no machine's."""
+        return [option.replace(MAPS, str(self.maps)).replace(SCENES, "scenes") for option in options]
 
     def policy(self, training: str, seed: int) -> Path:
         """Return where the policy of a training is kept."""
@@ -174,6 +174,7 @@ class Steps:
                     raise StepError(f"{name} was not begun: stopped")
                 process = subprocess.Popen(
                     [sys.executable, "-P", "-m", *module],
+                    cwd=self._folders.work,
                     stdin=subprocess.DEVNULL,
                     stdout=output,
                     stderr=output,

@@ -1,7 +1,10 @@
 """The paper's tables: what is claimed is judged from results, and a page says what is there and what is not."""
 
 import dataclasses
+import gzip
+import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +21,8 @@ from benchmarks.paper.scenes import garden, laboratory, make_scenes, start_place
 from benchmarks.paper.steps import Folders, StepError, Steps, read_costs
 from common.config.load import load_config
 from tests.plans import office_floor
+
+RELEASE = Path(__file__).parents[2] / "release" / "paper"
 
 
 def results(label, distances, success=True):
@@ -97,6 +102,14 @@ def test_a_row_is_run_once_and_a_failure_is_named(tmp_path, monkeypatch):
     steps.stop()
     with pytest.raises(StepError, match="stopped"):
         steps.evaluate(Place(table, Row("other", "greedy")))
+
+
+def test_what_is_kept_names_no_folder_of_the_machine_that_made_it():
+    kept = [*RELEASE.rglob("*.json.gz"), *RELEASE.rglob("*.json")]
+    assert kept
+    for path in kept:
+        data = gzip.decompress(path.read_bytes()) if path.suffix == ".gz" else path.read_bytes()
+        assert not re.search(rb'"(?:/|[A-Z]:)[^"]*"', data), path
 
 
 def test_everything_that_is_planned_can_be_begun(tmp_path):
