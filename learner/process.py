@@ -31,6 +31,7 @@ from common.system.signals import stopping_signals
 from common.system.threads import Ticker
 from learner.algorithm.base import PublishedVersion
 from learner.algorithm.device import choose_device
+from learner.algorithm.policy_learner import PolicyLearner
 from learner.control import Control
 from learner.local_actors import LOCAL, LocalActors
 from learner.loop import train
@@ -188,7 +189,8 @@ def run_learner(run: RunFolder, companions: Companions, console: Console, *, res
             publisher.publish(newest, averaged)
 
         algorithm = stack.enter_context(open_learner(config, device, companions.learners, threads))
-        trainer = Trainer(run, algorithm, publish, [LOCAL] if companions.evaluators else [])
+        prepare = algorithm.prepare if device.type != "cpu" and isinstance(algorithm, PolicyLearner) else None
+        trainer = Trainer(run, algorithm, publish, [LOCAL] if companions.evaluators else [], prepare=prepare)
         stack.callback(trainer.close)
         if resume:
             trainer.resume()

@@ -13,10 +13,11 @@ import numpy as np
 from common.errors import StorageError
 from common.network.parameters import with_options
 from common.policies.policy_file import read_weights
-from learner.algorithm.base import Algorithm, NotFiniteError, PublishedVersion
+from learner.algorithm.base import Algorithm, NotFiniteError, Prepare, PublishedVersion
 from learner.algorithm.batch import TransitionBatch
 from learner.checkpointing import Checkpointer
 from learner.ingest import Ingest
+from learner.prefetch import Prefetch
 from learner.publishing import Publisher
 from learner.rate_limiter import RateLimiter
 from learner.replay.buffer import ReplayBuffer
@@ -53,6 +54,8 @@ class Trainer:
         algorithm: the mathematics.
         publish: sends a policy version to the actors; must not wait for them.
         evaluators: hosts whose evaluators count besides those of `learner.evaluators`: those that the learner starts.
+        prepare: draw and prepare the next batch by this in a thread of its own while the device computes; None for
+            all in turn. Resuming then draws other batches than going on would have.
     """
 
     def __init__(
@@ -61,6 +64,8 @@ class Trainer:
         algorithm: Algorithm,
         publish: Callable[[PublishedVersion], None],
         evaluators: Sequence[str] = (),
+        *,
+        prepare: Prepare | None = None,
     ) -> None:
         config = run.config
         self.run = run
@@ -77,6 +82,7 @@ class Trainer:
         self._journal = Journal(run.journal, disk=self.disk)
         self.commit = GroupCommit(self._journal, config.journal.sync_seconds)
         self._rng = np.random.default_rng([config.seed, 2])
+        self._ahead = None if prepare is None else Prefetch(self.replay, config, prepare)
         self._cards = PolicyCards(config, self.limiter)
         self.best = BestPolicy(self.checkpoints, self._cards.describe)
         self._publisher = Publisher(algorithm, self.best, publish, config.learner)
@@ -143,6 +149,8 @@ class Trainer:
 
     def close(self) -> None:
         """Close all files; no checkpoint is made here."""
+        if self._ahead is not None:
+            self._ahead.close()
         if hasattr(self, "recorder"):
             self.recorder.close()
             self.ingest.episodes.close()
@@ -186,10 +194,13 @@ class Trainer:
         return ready
 
     def sample(self) -> TransitionBatch:
-        """Draw the batch of the next update."""
+        """Draw the batch of the next update, or take the one that was prepared during the last."""
         began = time.perf_counter()
-        size = self.config.learner.batch_size
-        batch = draw_batch(self.replay, self.config, size, self._rng, cloning=self.cloning)
+        if self._ahead is not None:
+            batch = self._ahead.next(self.limiter.updates)
+        else:
+            size = self.config.learner.batch_size
+            batch = draw_batch(self.replay, self.config, size, self._rng, cloning=self.cloning)
         self.recorder.note("time/sample_ms", 1e3 * (time.perf_counter() - began))
         return batch
 

@@ -35,6 +35,20 @@ class RanksError(HDError):
     """Another of the processes that share each batch is lost, or answers no more."""
 
 
+class Prepare(Protocol):
+    """Does what an update does on the host before the device has work; another thread may do so during an update."""
+
+    def __call__(self, batch: TransitionBatch, rng: np.random.Generator, *, cloning: bool) -> TransitionBatch:
+        """Return a batch with its graphs.
+
+        Args:
+            batch: as drawn.
+            rng: draws the symmetries.
+            cloning: the update only imitates; the graphs serve no other then.
+        """
+        ...
+
+
 class Algorithm(Protocol):
     """Networks, optimisers and the update; `learner.algorithm.factory.make_learner` makes the one of a run."""
 

@@ -8,8 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.messages.experience import ExpertLabels
+from common.network.graph_batch import GraphBatch
 from common.observations.index import waypoint_counts
 from common.observations.observation import ObservationBatch
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Graphs:
+    """What the networks read of a batch, on the learner's device.
+
+    Attributes:
+        now: all o.
+        after: the o' that are bootstrapped; None without any.
+    """
+
+    now: GraphBatch
+    after: GraphBatch | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +53,7 @@ class TransitionBatch:
         next_labelled: an expert labelled o', bool, shape (k,).
         next_labels: the expert's labels of the o', as in `labels`; None where they were not asked for.
         arrivals: arrival number of each o in the replay buffer, int64, shape (k,); None for a batch from elsewhere.
+        graphs: made beforehand, when the symmetries have been applied too (`Prepare`); None otherwise.
     """
 
     observations: ObservationBatch
@@ -56,6 +71,7 @@ class TransitionBatch:
     next_labelled: NDArray[np.bool_]
     next_labels: ExpertLabels | None = None
     arrivals: NDArray[np.int64] | None = None
+    graphs: Graphs | None = None
 
     def __len__(self) -> int:
         return len(self.rewards)

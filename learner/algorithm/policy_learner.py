@@ -7,7 +7,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from copy import deepcopy
-from typing import Any
+from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -29,7 +30,7 @@ from learner.algorithm.cloning import Guidance, cloning_loss
 from learner.algorithm.device import wants_bf16
 from learner.algorithm.losses import entropies, triplet_loss, triplets, waypoint_marginal
 from learner.algorithm.optimisers import Optimiser, blend, scheduled_rate
-from learner.algorithm.sample import Sample
+from learner.algorithm.sample import Sample, make_graphs
 from learner.algorithm.teachers import Teachers
 from learner.algorithm.whole import Ranks, drawn, mean, sharing
 
@@ -72,22 +73,25 @@ class PolicyLearner(ABC):
 
     # --- what subclasses say -------------------------------------------------------------------------------------
 
+    bootstraps: ClassVar[bool] = False
+    """Whether updates after the imitation stage read o'."""
+
     @property
     @abstractmethod
     def stage(self) -> str:
         """What the next update does: ``cloning`` while it imitates, or a name of the subclass."""
 
     @abstractmethod
-    def _reinforce(self, batch: TransitionBatch, metrics: dict[str, Tensor]) -> None:
+    def _reinforce(self, sample: Sample, metrics: dict[str, Tensor]) -> None:
         """Prepare the steps of an update after the imitation stage."""
 
     @abstractmethod
     def _settle(self) -> None:
         """Do what follows the steps of an update."""
 
-    def _augmented(self, batch: TransitionBatch) -> TransitionBatch:
-        """Draw and apply symmetries of the world."""
-        return augment(batch, self._rng)
+    def _augmented(self, batch: TransitionBatch, rng: np.random.Generator) -> TransitionBatch:
+        """Draw and apply symmetries of the world, for an update after the imitation stage."""
+        return augment(batch, rng)
 
     def _modules(self) -> dict[str, nn.Module]:
         """Return all that has weights or buffers to save, by name."""
@@ -121,7 +125,7 @@ class PolicyLearner(ABC):
         buffers, random = self._buffers(), self._rng.bit_generator.state
         try:
             with sharing(self.ranks):
-                figures = self._figures(self._augmented(batch) if self.config.learner.augment else batch)
+                figures = self._figures(self._turned(batch, self._rng, cloning=self.stage == "cloning"))
         except RanksError:
             self._give_up(buffers)
             self._rng.bit_generator.state = random
@@ -139,6 +143,12 @@ class PolicyLearner(ABC):
         self._settle()
         self.updates += 1
         return figures
+
+    def prepare(self, batch: TransitionBatch, rng: np.random.Generator, *, cloning: bool) -> TransitionBatch:
+        """Apply symmetries and build the graphs of a batch; see `Prepare`."""
+        turned = self._turned(batch, rng, cloning=cloning)
+        graphs = make_graphs(turned, self.config, self.device, self.bootstraps and not cloning)
+        return replace(turned, graphs=graphs)
 
     def adopt(self, weights: dict[str, NDArray[np.float32]]) -> None:
         """Begin with these policy weights; all else stays as it is.
@@ -195,8 +205,11 @@ class PolicyLearner(ABC):
 
     # --- parts for subclasses ------------------------------------------------------------------------------------
 
-    def _sample(self, batch: TransitionBatch, *, bootstrap: bool) -> Sample:
-        return Sample.make(batch, self.config, self.device, bootstrap, self._teachers)
+    def _turned(self, batch: TransitionBatch, rng: np.random.Generator, *, cloning: bool) -> TransitionBatch:
+        """Return a batch under symmetries of the world, unless it is so already or they are switched off."""
+        if batch.graphs is not None or not self.config.learner.augment:
+            return batch
+        return augment(batch, rng) if cloning else self._augmented(batch, rng)
 
     def _imitate(self, sample: Sample, metrics: dict[str, Tensor]) -> None:
         """Prepare the descent of the imitation loss; a batch without labels changes nothing."""
@@ -263,10 +276,12 @@ class PolicyLearner(ABC):
     def _figures(self, batch: TransitionBatch) -> dict[str, float]:
         """Prepare all steps of an update; return its metrics, gradients among them."""
         metrics: dict[str, Tensor] = {}
-        if self.stage == "cloning":
-            self._imitate(self._sample(batch, bootstrap=False), metrics)
+        cloning = self.stage == "cloning"
+        sample = Sample.make(batch, self.config, self.device, self.bootstraps and not cloning, self._teachers)
+        if cloning:
+            self._imitate(sample, metrics)
         else:
-            self._reinforce(batch, metrics)
+            self._reinforce(sample, metrics)
         return _to_floats(metrics)
 
     def _buffers(self) -> list[tuple[Tensor, Tensor]]:

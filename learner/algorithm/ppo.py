@@ -7,6 +7,7 @@ what the expert does not know: what the policy will make of the state that it co
 
 from __future__ import annotations
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -52,16 +53,13 @@ class PpoLearner(PolicyLearner):
             return "cloning"
         return "value" if left < self.config.ppo.value_only_updates else "ppo"
 
-    def _augmented(self, batch: TransitionBatch) -> TransitionBatch:
+    def _augmented(self, batch: TransitionBatch, rng: np.random.Generator) -> TransitionBatch:
         """Turn only what serves imitation: ratios compare policies on what the older one saw."""
-        if self.stage == "cloning":
-            return super()._augmented(batch)
-        return augment(batch, self._rng, batch.probabilities == 0.0)
+        return augment(batch, rng, batch.probabilities == 0.0)
 
-    def _reinforce(self, batch: TransitionBatch, metrics: dict[str, Tensor]) -> None:
+    def _reinforce(self, sample: Sample, metrics: dict[str, Tensor]) -> None:
         """Train the value function, and in the last stage the policy."""
-        sample = self._sample(batch, bootstrap=False)
-        returns = Returns.make(batch, sample.now.arrays, self.config, self.device)
+        returns = Returns.make(sample.batch, sample.now.arrays, self.config, self.device)
         advantage = self._update_value(returns, metrics)
         if self.stage == "ppo":
             self._update_policy(sample, returns, advantage, metrics)

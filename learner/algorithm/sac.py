@@ -9,7 +9,6 @@ from torch import Tensor, nn
 
 from common.config import RunConfig
 from common.network.policy_network import PolicyOutput
-from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.cloning import cloning_loss
 from learner.algorithm.critics import make_critic
 from learner.algorithm.losses import (
@@ -41,6 +40,8 @@ class SacLearner(PolicyLearner):
     After imitation `sac.critic_only_updates` updates train the critics alone; all others train everything.
     """
 
+    bootstraps = True
+
     def __init__(self, config: RunConfig, device: torch.device) -> None:
         with seeded(config.seed):
             super().__init__(config, device, config.sac.clip_norm)
@@ -58,9 +59,8 @@ class SacLearner(PolicyLearner):
             return "cloning"
         return "critic" if left < self.config.sac.critic_only_updates else "sac"
 
-    def _reinforce(self, batch: TransitionBatch, metrics: dict[str, Tensor]) -> None:
+    def _reinforce(self, sample: Sample, metrics: dict[str, Tensor]) -> None:
         """Train the critics, and in the last stage policy and temperatures."""
-        sample = self._sample(batch, bootstrap=True)
         q = self._update_critics(sample, metrics)
         if self.stage == "sac":
             output = self._update_policy(sample, q, metrics)

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from common.config import RunConfig
 from common.network.graph_batch import GraphBatch
 from common.observations.index import waypoint_counts
 from learner.algorithm.auxiliary import Hints
-from learner.algorithm.batch import TransitionBatch
+from learner.algorithm.batch import Graphs, TransitionBatch
 from learner.algorithm.cloning import Guidance
 from learner.algorithm.teachers import Teachers
 from learner.algorithm.whole import whole_count
@@ -23,6 +24,7 @@ class Sample:
     """A transition batch on the device.
 
     Attributes:
+        batch: what it was made of.
         now: the observations.
         after: the observations o' that are bootstrapped, None without any.
         bootstrapped: transitions whose o' is in ``after``, indices, int64.
@@ -37,6 +39,7 @@ class Sample:
         told_after: likewise of ``after``.
     """
 
+    batch: TransitionBatch
     now: GraphBatch
     after: GraphBatch | None
     bootstrapped: Tensor
@@ -67,24 +70,19 @@ class Sample:
                 from a transition without labels.
         """
         privileged = bootstrap and config.sac.privileged_critic
-        now = GraphBatch.from_observations(batch.observations, config.network)
-        usable = batch.next_valid
+        graphs = batch.graphs or make_graphs(batch, config, device, bootstrap)
+        now = graphs.now
         told = told_after = None
         if privileged:
             if batch.labels is None or batch.next_labels is None or not batch.labelled.all():
                 raise ValueError("a privileged critic learns only from labelled transitions: sample those")
-            # The o' of a time limit has no labels, because nothing was decided there.
-            usable = usable & (batch.next_labelled | batch.terminal)
             told = told_rewards(torch.from_numpy(batch.labels.cost), config).to(device)
+        usable = _usable(batch, config, bootstrap)
         known = usable & ~batch.terminal
-        after = None
-        if bootstrap and known.any():
-            graphs = GraphBatch.from_observations(batch.next_observations.select(known), config.network)
-            if privileged and batch.next_labels is not None:
-                choices = waypoint_counts(batch.next_observations)
-                cost = batch.next_labels.cost[np.repeat(known, choices)]
-                told_after = told_rewards(torch.from_numpy(cost), config).to(device)
-            after = graphs.to(device)
+        if graphs.after is not None and privileged and batch.next_labels is not None:
+            choices = waypoint_counts(batch.next_observations)
+            cost = batch.next_labels.cost[np.repeat(known, choices)]
+            told_after = told_rewards(torch.from_numpy(cost), config).to(device)
         guidance = None
         if batch.labels is not None and whole_count(int(batch.labelled.sum())):
             wanted, follows = teachers.wanted(batch, now.arrays)
@@ -97,8 +95,9 @@ class Sample:
                 hints=Hints.of(batch.observations, batch.labels, batch.labelled, now.arrays, device),
             )
         return cls(
-            now=now.to(device),
-            after=after,
+            batch=batch,
+            now=now,
+            after=graphs.after,
             bootstrapped=torch.from_numpy(np.flatnonzero(known)).to(device),
             learnable=torch.from_numpy(np.flatnonzero(usable | batch.terminal)).to(device),
             chosen=torch.from_numpy(now.arrays.pair_index(batch.beacons, batch.waypoints)).to(device),
@@ -109,6 +108,30 @@ class Sample:
             told=told,
             told_after=told_after,
         )
+
+
+def make_graphs(batch: TransitionBatch, config: RunConfig, device: torch.device, bootstrap: bool) -> Graphs:
+    """Build what the networks read on the host, and move it to the device.
+
+    Args:
+        batch: what the replay buffer drew.
+        config: the networks that read it.
+        device: where to.
+        bootstrap: also of o', which imitation does not need.
+    """
+    after = None
+    known = _usable(batch, config, bootstrap) & ~batch.terminal
+    if bootstrap and known.any():
+        after = GraphBatch.from_observations(batch.next_observations.select(known), config.network).to(device)
+    return Graphs(GraphBatch.from_observations(batch.observations, config.network).to(device), after)
+
+
+def _usable(batch: TransitionBatch, config: RunConfig, bootstrap: bool) -> NDArray[np.bool_]:
+    """Return where critics can learn: o' is known, bool, shape (k,)."""
+    if not bootstrap or not config.sac.privileged_critic:
+        return batch.next_valid
+    # The o' of a time limit has no labels, because nothing was decided there.
+    return batch.next_valid & (batch.next_labelled | batch.terminal)
 
 
 def told_rewards(cost: Tensor, config: RunConfig) -> Tensor:

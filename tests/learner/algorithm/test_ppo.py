@@ -177,7 +177,8 @@ def test_a_good_waypoint_becomes_more_likely() -> None:
 def test_only_what_serves_imitation_is_turned() -> None:
     learner, batch = PpoLearner(ppo_config(), CPU), known(6, 40)
     probabilities = np.where(np.arange(40) < 20, 0.5, 0.0).astype(np.float32)
-    turned = learner._augmented(replace(batch, probabilities=probabilities)).observations
+    batch = replace(batch, probabilities=probabilities)
+    turned = learner.prepare(batch, np.random.default_rng(0), cloning=False).observations
     same = [np.array_equal(turned[k].offsets, batch.observations[k].offsets) for k in range(40)]
     assert all(same[:20]) and not all(same[20:])
 
@@ -229,7 +230,7 @@ def test_value_features_are_bounded_and_do_not_turn_with_the_world() -> None:
     assert batch.labels is not None
     features = value_features(batch.observations, batch.labels, learner.config)
     assert features.shape == (12, VALUE_FEATURES) and features.min() >= 0.0 and features.max() <= 1.0
-    turned = learner._augmented(batch)
+    turned = learner.prepare(batch, np.random.default_rng(0), cloning=False)
     assert np.array_equal(value_features(turned.observations, batch.labels, learner.config), features)
     far = replace(batch.labels, remaining=np.full(12, 1e6, np.float32), unseen=np.full(12, 1e9, np.float32))
     assert value_features(batch.observations, far, learner.config).max() <= 1.0
