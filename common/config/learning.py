@@ -155,7 +155,7 @@ class LearnerConfig(Section):
     device: str = "auto"
     """`auto` (CUDA if available), `cpu`, `cuda` or `cuda:N`."""
     precision: Literal["auto", "fp32", "bf16"] = "auto"
-    """`auto`: bfloat16 autocast on CUDA devices that support it, fp32 elsewhere."""
+    """`auto`: bfloat16 autocast on GPUs and processors that have instructions for it, fp32 elsewhere."""
     threads: Annotated[int, Field(ge=0)] = 0
     """CPU threads for torch; 0 for the cores not used by local actors, at least 1."""
     augment: bool = True

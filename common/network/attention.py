@@ -1,7 +1,8 @@
 """Attention over ragged graphs: along edges for the encoder, over all nodes of an observation for the decoders.
 
-On the CPU compiled kernels do the work, elsewhere plain torch. Both compute in fp32 whatever autocast says, and both
-are equal to masked dense attention.
+On the CPU compiled kernels do the work, elsewhere torch: its fused attention over padded blocks, or plain operations
+over gathered neighbours where the blocks would be too large. All are equal to masked dense attention in fp32; fused
+attention computes in the type that autocast says, all else in fp32.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from torch.nn import functional
 from common.network.cross_kernels import cross_kernels
 from common.network.edge_kernels import edge_kernels
 from common.network.graph_batch import GraphBatch
+from common.network.padding import Padding
 from common.network.parallel import balanced_bounds, run_parallel
 
 
@@ -39,7 +41,7 @@ class EdgeAttention(nn.Module):
         if qkv.device.type == "cpu":
             mixed: Tensor = _EdgeAttentionCpu.apply(qkv, batch, self.heads)  # type: ignore[no-untyped-call]
         else:
-            mixed = edge_attention(qkv, batch.neighbours, self.heads)
+            mixed = edge_attention(qkv, batch, self.heads)
         return self.out(mixed)
 
 
@@ -71,8 +73,25 @@ class CrossAttention(nn.Module):
         return self.out(mixed)
 
 
-def edge_attention(qkv: Tensor, neighbours: Tensor, heads: int) -> Tensor:
-    """Attend along edges in plain torch, on any device.
+def edge_attention(qkv: Tensor, batch: GraphBatch, heads: int) -> Tensor:
+    """Attend along edges in torch, on any device.
+
+    Args:
+        qkv: queries, keys and values side by side, shape (nodes, 3 d).
+        batch: whose nodes they are.
+        heads: number of heads.
+    """
+    padding = batch.padding or Padding.of(batch.arrays.node_ptr, batch.neighbours)
+    if padding.edges is None:
+        return gathered_attention(qkv, batch.neighbours, heads)
+    blocks = padding.spread(qkv).view(*padding.shape, 3, heads, -1)
+    query, key, value = blocks.permute(2, 0, 3, 1, 4).unbind(0)
+    mixed = functional.scaled_dot_product_attention(query, key, value, padding.edges)
+    return padding.collect(mixed.transpose(1, 2).flatten(2))
+
+
+def gathered_attention(qkv: Tensor, neighbours: Tensor, heads: int) -> Tensor:
+    """Attend along edges in plain torch, with memory that grows with the edges alone.
 
     Args:
         qkv: queries, keys and values side by side, shape (nodes, 3 d).
@@ -96,22 +115,18 @@ def cross_attention(query: Tensor, query_ptr: np.ndarray, kv: Tensor, batch: Gra
     Queries and nodes are laid into padded blocks; there are few queries, so little is wasted.
     """
     k, width = len(batch), query.shape[1]
+    padding = batch.padding or Padding.of(batch.arrays.node_ptr, batch.neighbours)
     per_graph = torch.from_numpy(np.diff(query_ptr)).to(query.device)
     start = torch.from_numpy(query_ptr[:-1]).to(query.device)
     owner = torch.repeat_interleave(torch.arange(k, device=query.device), per_graph, output_size=len(query))
     place = torch.arange(len(query), device=query.device) - start.index_select(0, owner)
-    node_place = torch.arange(len(kv), device=kv.device) - batch.node_ptr[:-1].index_select(0, batch.node_graph)
     most_queries = int(np.diff(query_ptr).max(initial=0))
-    most_nodes = int(np.diff(batch.arrays.node_ptr).max())
     queries = query.new_zeros((k, most_queries, width), dtype=torch.float32)
     queries = queries.index_put((owner, place), query.float())
-    block = kv.new_zeros((k, most_nodes, 2 * width), dtype=torch.float32)
-    block = block.index_put((batch.node_graph, node_place), kv.float())
-    present = torch.zeros((k, most_nodes), dtype=torch.bool, device=kv.device)
-    present[batch.node_graph, node_place] = True
-    key, value = (part.view(k, most_nodes, heads, -1).transpose(1, 2) for part in torch.split(block, width, dim=2))
+    block = padding.spread(kv.float()).view(*padding.shape, 2, heads, -1)
+    key, value = block.permute(2, 0, 3, 1, 4).unbind(0)
     mixed = functional.scaled_dot_product_attention(
-        queries.view(k, most_queries, heads, -1).transpose(1, 2), key, value, present[:, None, None, :]
+        queries.view(k, most_queries, heads, -1).transpose(1, 2), key, value, padding.present[:, None, None, :]
     )
     return mixed.transpose(1, 2).reshape(k, most_queries, width)[owner, place]
 

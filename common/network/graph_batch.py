@@ -12,6 +12,7 @@ from torch import Tensor
 
 from common.config import NetworkConfig
 from common.network.graph_arrays import GraphArrays
+from common.network.padding import Padding
 from common.observations.observation import ObservationBatch
 
 
@@ -42,6 +43,7 @@ class GraphBatch:
         pair_features: as in `GraphArrays`.
         raster: as in `GraphArrays`.
         cells: as in `GraphArrays`.
+        padding: the nodes in blocks, on devices other than the CPU; None there.
     """
 
     arrays: GraphArrays
@@ -66,6 +68,7 @@ class GraphBatch:
     pair_features: Tensor
     raster: Tensor
     cells: Tensor
+    padding: Padding | None = None
 
     def __len__(self) -> int:
         return len(self.robot_rows)
@@ -108,11 +111,14 @@ class GraphBatch:
         """Return the batch on a device; itself when it is there already."""
         if self.features.device == torch.device(device):
             return self
-        held = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "arrays"}
+        held = {field.name: getattr(self, field.name) for field in fields(self)}
+        del held["arrays"], held["padding"]
         moved: dict[str, Any] = {
             name: value if value is None else value.to(device, non_blocking=True) for name, value in held.items()
         }
-        return GraphBatch(arrays=self.arrays, **moved)
+        on_cpu = torch.device(device).type == "cpu"
+        padding = None if on_cpu else Padding.of(self.arrays.node_ptr, moved["neighbours"])
+        return GraphBatch(arrays=self.arrays, padding=padding, **moved)
 
 
 def _owner(ptr: NDArray[np.int64]) -> Tensor:

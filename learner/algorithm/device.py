@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import logging
+
 import torch
 
 from common.errors import ConfigError
+
+logger = logging.getLogger(__name__)
 
 
 def choose_device(name: str) -> torch.device:
@@ -24,7 +28,21 @@ def choose_device(name: str) -> torch.device:
 
 
 def wants_bf16(precision: str, device: torch.device) -> bool:
-    """Whether to compute under bfloat16 autocast: ``auto`` does on a CUDA device that has it."""
-    if precision == "auto":
-        return device.type == "cuda" and torch.cuda.is_bf16_supported()
-    return precision == "bf16"
+    """Whether to compute under bfloat16 autocast: ``auto`` does where the device has instructions for it.
+
+    Elsewhere a processor emulates them, which takes several times as long as fp32; who asks for that is warned.
+    """
+    native = torch.cuda.is_bf16_supported(including_emulation=False) if device.type == "cuda" else cpu_has_bf16()
+    if precision == "bf16" and not native:
+        logger.warning(
+            "learner.precision is bf16, but %s has no instructions for it: updates take several times as long as in "
+            "fp32; use auto",
+            "this processor" if device.type == "cpu" else device,
+        )
+    return native if precision == "auto" else precision == "bf16"
+
+
+def cpu_has_bf16() -> bool:
+    """Whether this processor multiplies bfloat16 by itself."""
+    # PyTorch has no public question for it yet.
+    return bool(torch.cpu._is_avx512_bf16_supported()) or bool(torch.cpu._is_amx_tile_supported())

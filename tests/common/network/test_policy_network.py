@@ -9,7 +9,13 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from common.config import NetworkConfig
-from common.network.attention import CrossAttention, EdgeAttention, cross_attention, edge_attention
+from common.network.attention import (
+    CrossAttention,
+    EdgeAttention,
+    cross_attention,
+    edge_attention,
+    gathered_attention,
+)
 from common.network.factory import make_policy_network
 from common.network.graph_batch import GraphBatch
 from common.network.parameters import parameter_shapes
@@ -110,19 +116,21 @@ def test_an_observation_is_independent_of_its_companions() -> None:
 
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), heads=st.sampled_from(HEADS))
-def test_plain_torch_attention_equals_the_kernels(seed: int, heads: int) -> None:
+def test_attention_of_other_devices_equals_the_kernels(seed: int, heads: int) -> None:
     torch.manual_seed(seed)
     batch = GraphBatch.from_observations(random_batch(np.random.default_rng(seed), 3), small())
     nodes = torch.randn(len(batch.features), 16, requires_grad=True)
     edge, cross = EdgeAttention(16, heads), CrossAttention(16, heads)
     queries = torch.randn(len(batch.beacon_rows), 16, requires_grad=True)
     ptr = batch.arrays.beacon_ptr
-    kernels = edge(nodes, batch), cross(queries, ptr, cross.kv(nodes), batch)
-    plain = (
-        edge.out(edge_attention(edge.qkv(nodes), batch.neighbours, heads)),
+    along_edges = edge(nodes, batch)
+    kernels = along_edges, along_edges, cross(queries, ptr, cross.kv(nodes), batch)
+    others = (
+        edge.out(edge_attention(edge.qkv(nodes), batch, heads)),
+        edge.out(gathered_attention(edge.qkv(nodes), batch.neighbours, heads)),
         cross.out(cross_attention(cross.query(queries), ptr, cross.kv(nodes), batch, heads)),
     )
-    for ours, theirs in zip(kernels, plain, strict=True):
+    for ours, theirs in zip(kernels, others, strict=True):
         torch.testing.assert_close(ours, theirs, atol=1e-5, rtol=1e-5)
         weights = torch.rand_like(ours)
         for inputs in (nodes, queries):
