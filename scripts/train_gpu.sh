@@ -4,7 +4,7 @@
 #   scripts/train_gpu.sh TASK MINUTES OUT [--set SECTION.FIELD=VALUE ...]
 #
 # TASK is exploration, navigation or both. Learner on the GPU, grid actors and one evaluator on the cores, all over the
-# bus. Whatever happens, OUT then holds the best and the last policy with their cards, the learning curve, the resolved
+# bus; so many updates that the time should do. Whatever happens, OUT then holds the best and the last policy with their cards, the learning curve, the resolved
 # configuration, the log and the list of episodes. A second call with the same OUT goes on where the first one ended.
 # Needs the packages of `pip install .[learner,actor,plots]`; no PyBullet.
 set -uo pipefail
@@ -23,10 +23,12 @@ cores=$(nproc)
 actors=$((cores > 4 ? cores - 3 : 1))
 learner() { "$python" -m learner "$@"; }
 
+# What an NVIDIA H100 makes in this time (docs/training.md): learning rates fall to the end of it.
+updates=$((375 * minutes))
 sizes=(
     --set network.width=128 --set network.heads=8 --set network.layers=6
-    --set learner.batch_size=256 --set learner.precision=auto --set learner.updates_per_step=0.05
-    --set cloning.updates=4000 --set sac.critic_only_updates=200 --set learner.total_updates=14000
+    --set learner.batch_size=256 --set learner.updates_per_step=0.05
+    --set cloning.updates=$((updates / 5)) --set sac.critic_only_updates=200 --set learner.total_updates=$updates
     --set replay.capacity=200000 --set replay.max_bytes=4000000000
     --set checkpoints.every_seconds=120 --set checkpoints.keep=4
 )
