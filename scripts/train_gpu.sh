@@ -4,12 +4,12 @@
 #   scripts/train_gpu.sh TASK MINUTES OUT [--set SECTION.FIELD=VALUE ...]
 #
 # TASK is exploration, navigation or both. Learner on the GPU, grid actors and one evaluator on the cores, all over the
-# bus; so many updates that the time should do. Whatever happens, OUT then holds the best and the last policy with their cards, the learning curve, the resolved
-# configuration, the log and the list of episodes. A second call with the same OUT goes on where the first one ended.
-# Needs the packages of `pip install .[learner,actor,plots]`; no PyBullet.
+# bus; as many updates as the time should do. Whatever happens, OUT then holds the best and the last policy with their
+# cards, the learning curve, the resolved configuration, the log and the list of episodes. A second call with the same
+# OUT goes on where the first one ended. Needs the packages of `pip install .[learner,actor,plots]`; no PyBullet.
 set -uo pipefail
 if [ $# -lt 3 ]; then
-    sed -n '2,10p' "$0" >&2
+    sed -n '2,9p' "$0" >&2
     exit 2
 fi
 task=$1 minutes=$2 out=$3
