@@ -36,7 +36,8 @@ class Task:
         plan_as: what planners that do not know the task are asked for: `exploration` or `navigation`.
         reference: classical planner whose route a policy of the features `guided` sees, and which decides where a
             shipped policy does not.
-        in_the_open: classical planner that decides instead of `reference` in the open, as in forests.
+        in_the_open: classical planner that decides instead of `reference` in the open, as in forests, where a shipped
+            policy does not.
         fallback: classical planner that relieves another one on a robot.
         goal: judges episodes on the true map; called with a `TaskConfig` and this task, it returns an
             `actors.tasks.Goal`. Or its MODULE:NAME, so that a robot need not import it.

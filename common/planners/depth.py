@@ -24,7 +24,7 @@ MOST_CYCLES: Final = 8
 
 
 class Decider(Enum):
-    """Who decides in a world: the policy, or the classical planner of its kind (see `Task`)."""
+    """Who decides: the policy, or the classical planner for worlds of this kind (see `Task`)."""
 
     POLICY = "policy"
     REFERENCE = "reference"
@@ -39,19 +39,21 @@ class Depth:
     warehouses, tunnels and buildings. Of 50 forests 94 % count as open, of the 140 worlds with walls none does. Over
     whole explorations of 40 public maps and rooms viewpoints a square never rise above 1.005 (docs/training.md).
 
+    In forests the exploration policy drives less than any classical planner, the navigation policy more than D* Lite.
+
     Args:
         config: the mapping of the episode.
         known_scale: whether cells and spacing are near those of the policy's training; otherwise it is never in its
             depth.
-        same_spacing: whether the spacing is just that of the training. With another one, block maps hold as many
-            viewpoints a square as forests, and the policy decides in the open.
+        masters_open: whether the policy decides in the open too, however many viewpoints a square holds. Otherwise a
+            classical planner does there.
     """
 
-    def __init__(self, config: MappingConfig, *, known_scale: bool = True, same_spacing: bool = True) -> None:
+    def __init__(self, config: MappingConfig, *, known_scale: bool = True, masters_open: bool = True) -> None:
         self._square = config.viewpoint_spacing**2
         self._disc = math.pi * config.sensor_range**2
         self._resolution = config.resolution
-        self._same_spacing = same_spacing
+        self._masters_open = masters_open
         self._decisions = 0
         self._open = False
         self._judged = self._out_of_depth = not known_scale
@@ -74,7 +76,7 @@ class Depth:
             self._open = shown + FRONTIER_WEIGHT * frontier / math.sqrt(area) >= OPEN
             self._out_of_depth = shown < LEAST_SHOWN
         whole = len(mapper.viewpoints) * self._square <= MOST_VIEWPOINTS * area
-        familiar = whole or (self._open and not self._same_spacing)
+        familiar = whole or (self._open and self._masters_open)
         self._out_of_depth = self._out_of_depth or not familiar or cycles > MOST_CYCLES
         if not self._out_of_depth:
             return Decider.POLICY

@@ -64,9 +64,10 @@ class LearnedPlanner:
     planner prefers, in navigation the one of the shortest optimistic way to the target. Every such detour leads to news
     or is done with its goal, so there is an end.
 
-    A guard stands before the shipped policies, which were trained on block maps: in worlds of another kind, and with
-    cells or viewpoints of another scale (see `Depth`), a classical planner decides: in exploration `tour`, or `greedy`
-    in the open, in navigation D* Lite. Policies of one's own have no guard.
+    A guard stands before the shipped policies, which were trained on block maps: in worlds of another kind, with cells
+    or viewpoints of another scale, and once the policy dithers (see `Depth`), a classical planner decides: `tour` in
+    exploration, D* Lite in navigation. In forests the policy explores too, and gives way to `greedy` if it dithers.
+    Policies of one's own have no guard.
 
     Rule and guard are no part of the paper, so their decisions are counted, and `hdplanner-bare` is the network without
     either. A policy's file may also hold the network of a learned baseline (docs/baselines.md), to which the same rule
@@ -177,7 +178,7 @@ class LearnedPlanner:
             self._depth = Depth(
                 self._config,
                 known_scale=not self._leaves_all(self.card),
-                same_spacing=self._config.viewpoint_spacing == self.card.mapping.viewpoint_spacing,
+                masters_open=self._exploring,
             )
             kind = find_task(task)
             for decider in (Decider.REFERENCE, Decider.IN_THE_OPEN):

@@ -26,20 +26,21 @@ def environment_in(name: str, number: int, task: TaskName = "exploration") -> En
 
 
 @pytest.mark.parametrize(
-    ("name", "decider"),
+    ("name", "masters_open", "decider"),
     [
-        ("rooms", Decider.POLICY),
-        ("forest", Decider.IN_THE_OPEN),
-        ("office", Decider.REFERENCE),
-        ("warehouse", Decider.REFERENCE),
-        ("tunnel", Decider.REFERENCE),
+        ("rooms", True, Decider.POLICY),
+        ("forest", True, Decider.POLICY),
+        ("forest", False, Decider.IN_THE_OPEN),
+        ("office", True, Decider.REFERENCE),
+        ("warehouse", True, Decider.REFERENCE),
+        ("tunnel", True, Decider.REFERENCE),
     ],
 )
-def test_worlds_are_told_apart_early(name: str, decider: Decider) -> None:
+def test_worlds_are_told_apart_early(name: str, masters_open: bool, decider: Decider) -> None:
     for number in (5_000_000 + k for k in range(3)):
         environment = environment_in(name, number)
         planner = make_planner("nearest", MAPPING)
-        depth = Depth(MAPPING)
+        depth = Depth(MAPPING, masters_open=masters_open)
         judged = depth.decider(environment.mapper, 0)
         while environment.end is End.NONE and environment.mapper.explored_area < 260.0:
             plan = planner.plan(environment.mapper, environment.pose)
@@ -51,25 +52,32 @@ def test_worlds_are_told_apart_early(name: str, decider: Decider) -> None:
         assert depth.decider(environment_in("rooms", number).mapper, 0) is decider
 
 
-def test_a_policy_that_dithers_is_out_of_its_depth() -> None:
-    rooms = environment_in("rooms", 5_000_000).mapper
+@pytest.mark.parametrize(("name", "decider"), [("rooms", Decider.REFERENCE), ("forest", Decider.IN_THE_OPEN)])
+def test_a_policy_that_dithers_is_out_of_its_depth(name: str, decider: Decider) -> None:
+    mapper = environment_in(name, 5_000_000).mapper
     depth = Depth(MAPPING)
-    assert depth.decider(rooms, MOST_CYCLES) is Decider.POLICY
-    assert depth.decider(rooms, MOST_CYCLES + 1) is Decider.REFERENCE
-    assert depth.decider(rooms, 0) is Decider.REFERENCE
+    assert depth.decider(mapper, MOST_CYCLES) is Decider.POLICY
+    assert depth.decider(mapper, MOST_CYCLES + 1) is decider
+    assert depth.decider(mapper, 0) is decider
 
 
-@pytest.mark.parametrize(("task", "classical"), [("exploration", "tour"), ("navigation", "dstar_lite")])
-def test_where_the_policy_is_out_of_its_depth_a_classical_planner_decides(task: TaskName, classical: str) -> None:
-    environment = environment_in("office", 5_000_001, task)
+@pytest.mark.parametrize(
+    ("name", "task", "classical"),
+    [("office", "exploration", "tour"), ("office", "navigation", "dstar_lite"), ("forest", "navigation", "dstar_lite")],
+)
+def test_where_the_policy_is_out_of_its_depth_a_classical_planner_decides(
+    name: str, task: TaskName, classical: str
+) -> None:
+    environment = environment_in(name, 5_000_001, task)
     learned, planner = LearnedPlanner(MAPPING), make_planner(classical, MAPPING)
     for each in (learned, planner):
         each.reset(task, environment.goal.target, 0)
-    for decision in range(1, 13):
+    while environment.end is End.NONE and learned.guarded < 12:
         plan, expected = (each.plan(environment.mapper, environment.pose) for each in (learned, planner))
         assert plan.waypoint == expected.waypoint is not None
-        assert learned.guarded == decision and learned.attention is None
+        assert learned.guarded_by == classical and learned.attention is None
         environment.step_to(plan.waypoint, plan.via)
+    assert learned.guarded == environment.steps > 3
 
 
 def waypoints(planner: LearnedPlanner, mapper: Mapper, environment: Environment) -> list[object]:
@@ -77,8 +85,9 @@ def waypoints(planner: LearnedPlanner, mapper: Mapper, environment: Environment)
     return [planner.plan(mapper, environment.pose).waypoint]
 
 
-def test_within_its_depth_the_shipped_policy_decides() -> None:
-    environment = environment_in("rooms", 5_000_000)
+@pytest.mark.parametrize("name", ["rooms", "forest"])
+def test_within_its_depth_the_shipped_policy_decides(name: str) -> None:
+    environment = environment_in(name, 5_000_000)
     learned, bare = LearnedPlanner(MAPPING), bare_planner(MAPPING)
     own = LearnedPlanner(MAPPING, policy=shipped_policy("exploration"))
     chosen = [waypoints(planner, environment.mapper, environment) for planner in (learned, bare, own)]
