@@ -178,7 +178,8 @@ class LearnedPlanner:
             self._depth = Depth(
                 self._config,
                 known_scale=not self._leaves_all(self.card),
-                masters_open=self._exploring,
+                same_spacing=self._config.viewpoint_spacing == self.card.mapping.viewpoint_spacing,
+                explores=self._exploring,
             )
             kind = find_task(task)
             for decider in (Decider.REFERENCE, Decider.IN_THE_OPEN):
@@ -290,7 +291,7 @@ class LearnedPlanner:
             card = self._read[task][1]
             if self._leaves_all(card):
                 log.info(
-                    "cells or viewpoints differ in scale from the training of the shipped policy: %s decides",
+                    "cells, viewpoints or sensor differ in scale from the training of the shipped policy: %s decides",
                     find_task(task).reference,
                 )
             else:

@@ -26,7 +26,7 @@ def environment_in(name: str, number: int, task: TaskName = "exploration") -> En
 
 
 @pytest.mark.parametrize(
-    ("name", "masters_open", "decider"),
+    ("name", "explores", "decider"),
     [
         ("rooms", True, Decider.POLICY),
         ("forest", True, Decider.POLICY),
@@ -36,11 +36,11 @@ def environment_in(name: str, number: int, task: TaskName = "exploration") -> En
         ("tunnel", True, Decider.REFERENCE),
     ],
 )
-def test_worlds_are_told_apart_early(name: str, masters_open: bool, decider: Decider) -> None:
+def test_worlds_are_told_apart_early(name: str, explores: bool, decider: Decider) -> None:
     for number in (5_000_000 + k for k in range(3)):
         environment = environment_in(name, number)
         planner = make_planner("nearest", MAPPING)
-        depth = Depth(MAPPING, masters_open=masters_open)
+        depth = Depth(MAPPING, explores=explores)
         judged = depth.decider(environment.mapper, 0)
         while environment.end is End.NONE and environment.mapper.explored_area < 260.0:
             plan = planner.plan(environment.mapper, environment.pose)
@@ -111,6 +111,7 @@ def test_a_policy_of_ones_own_has_no_guard() -> None:
         ({"resolution": 0.1}, False),
         ({"viewpoint_spacing": 1.0}, False),
         ({"sensor_range": 10.0}, False),
+        ({"sensor_range": 10.0, "viewpoint_spacing": 2.0}, False),
     ],
 )
 def test_cells_and_spacing_of_another_scale_are_no_place_for_a_shipped_policy(
