@@ -106,4 +106,5 @@ def share_in_a_row(occupied: NDArray[np.bool_]) -> float:
     row = np.zeros_like(occupied)
     row[1:-1] = occupied[:-2] & occupied[1:-1] & occupied[2:]
     row[:, 1:-1] |= occupied[:, :-2] & occupied[:, 1:-1] & occupied[:, 2:]
-    return float(np.count_nonzero(row) / max(1, np.count_nonzero(occupied)))
+    count = int(np.count_nonzero(occupied))
+    return int(np.count_nonzero(row)) / count if count else 0.0

@@ -74,7 +74,8 @@ def test_where_the_policy_is_out_of_its_depth_a_classical_planner_decides(
         each.reset(task, environment.goal.target, 0)
     while environment.end is End.NONE and learned.guarded < 12:
         plan, expected = (each.plan(environment.mapper, environment.pose) for each in (learned, planner))
-        assert plan.waypoint == expected.waypoint is not None
+        assert plan.waypoint is not None
+        assert plan.waypoint == expected.waypoint
         assert learned.guarded_by == classical and learned.attention is None
         environment.step_to(plan.waypoint, plan.via)
     assert learned.guarded == environment.steps > 3
