@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.markup import escape
 
 from actors.cli_options import Fidelity
 from actors.evaluation.large.cli import app as large_app
@@ -99,31 +98,34 @@ def run(
 
     - `hd-eval run --planner dstar_lite,far --task navigation --maps bench/ --sim pybullet --jobs 4 --out results/`
     """
-    from actors.evaluation.resolving import resolve
-    from actors.evaluation.runner import Evaluation
+    from actors.evaluation.worker_process import WorkerProcesses
 
     console = message_console()
     setup_logging("warning", console=console if console.is_terminal else None)
-    settings = resolve(
-        maps,
-        limit,
-        config,
-        overrides,
-        start=start,
-        target=target,
-        task=task,
-        simulator=sim,
-        fidelity=None if fidelity is None else fidelity.value,
-        seed=seed,
-        time_limit=time_limit,
-        policy=policy,
-        tell=lambda line: console.print(line, markup=False, emoji=False, highlight=False, soft_wrap=True),
-    )
-    names = planner_list(planner)
-    with Evaluation(settings, names, out, label=label, overwrite=overwrite) as evaluation:
-        if warning := evaluation.limit_warning():
-            console.print("[bold yellow]warning:[/]", escape(warning), emoji=False, highlight=False, soft_wrap=True)
-        crashed = run_and_show(evaluation, names, jobs, console, copy_to)
+    with WorkerProcesses() as processes:
+        # It imports while this process does.
+        processes.prepare()
+        from actors.evaluation.resolving import resolve
+        from actors.evaluation.runner import Evaluation
+
+        settings = resolve(
+            maps,
+            limit,
+            config,
+            overrides,
+            start=start,
+            target=target,
+            task=task,
+            simulator=sim,
+            fidelity=None if fidelity is None else fidelity.value,
+            seed=seed,
+            time_limit=time_limit,
+            policy=policy,
+            tell=lambda line: console.print(line, markup=False, emoji=False, highlight=False, soft_wrap=True),
+        )
+        names = planner_list(planner)
+        with Evaluation(settings, names, out, label=label, overwrite=overwrite, processes=processes) as evaluation:
+            crashed = run_and_show(evaluation, names, jobs, console, copy_to, warn_of_limit=True)
     if crashed:
         raise typer.Exit(EXIT_ERROR)
 

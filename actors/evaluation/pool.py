@@ -15,14 +15,12 @@ from typing import Any, Self
 
 from actors.evaluation.outcome import Outcome, Place, crashed
 from actors.evaluation.settings import EvaluationSettings
+from actors.evaluation.worker_process import WorkerProcesses
 from common.errors import HDError
-from common.system.reaper import Reaper
-from common.system.runtime import process_environment, python_module
 from common.system.threads import guarded
 
 log = logging.getLogger(__name__)
 
-WORKER = "actors.evaluation.worker"
 POLL_SECONDS = 0.2
 STOP_SECONDS = 2.0
 # A planner's first decisions in a worker compile its kernels, which takes a minute or two on a fresh install.
@@ -55,26 +53,18 @@ class _Worker:
 
     def __init__(
         self,
-        settings: EvaluationSettings,
+        time_limit: float,
         events: queue.Queue[tuple[_Worker, dict[str, Any] | None]],
-        group: int,
+        process: subprocess.Popen[str],
     ) -> None:
         self.ready = False
         self.job: Job | None = None
         self.places: list[Place] = []
         self.due: float | None = None
         self.killed_for = ""
-        self._patience = patience(settings.time_limit)
+        self._patience = patience(time_limit)
         self._events = events
-        self.process = subprocess.Popen(
-            python_module(WORKER, settings.model_dump_json()),
-            env=process_environment(threads=1),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            encoding="utf-8",
-            # Ctrl-C is for this process alone, which then stops its workers; when it is killed, its reaper does.
-            process_group=group,
-        )
+        self.process = process
         listen = guarded("listening to an evaluating process", self._listen)
         threading.Thread(target=listen, daemon=True).start()
 
@@ -139,6 +129,8 @@ class WorkerPool:
     A worker whose planner does not come back from a decision is ended, and so its episode; one that crashes costs its
     episode too; in both cases another worker takes its place.
 
+    The first one starts when the pool is entered, so that it prepares itself while there is something else to do.
+
     Usage::
 
         with WorkerPool(settings, workers=4) as pool:
@@ -146,27 +138,32 @@ class WorkerPool:
                 ...
     """
 
-    def __init__(self, settings: EvaluationSettings, workers: int) -> None:
+    def __init__(self, settings: EvaluationSettings, workers: int, processes: WorkerProcesses | None = None) -> None:
         """Set up.
 
         Args:
             settings: handed to every worker.
             workers: number of processes.
+            processes: where they come from, one prepared perhaps; whoever gives it closes it.
         """
         self._settings = settings
         self._count = workers
         self._events: _Events = queue.Queue()
         self._workers: list[_Worker] = []
-        self._reaper = Reaper()
+        self._own_processes = processes is None
+        self._processes = WorkerProcesses() if processes is None else processes
 
     def __enter__(self) -> Self:
+        # One first: on a fresh install it compiles for a minute, and all of them would do so at the same time.
+        self._start()
         return self
 
     def __exit__(self, *error: object) -> None:
         for worker in self._workers:
             worker.stop()
         self._workers.clear()
-        self._reaper.close()
+        if self._own_processes:
+            self._processes.close()
 
     def run(self, jobs: Sequence[Job]) -> Generator[tuple[Job, Outcome], None, None]:
         """Yield each job with its outcome, in the order in which they end.
@@ -176,8 +173,6 @@ class WorkerPool:
         """
         waiting = deque(jobs)
         left = len(waiting)
-        # One first: on a fresh install it compiles for a minute, and all of them would do so at the same time.
-        self._start()
         while left:
             try:
                 worker, message = self._events.get(timeout=POLL_SECONDS)
@@ -211,7 +206,8 @@ class WorkerPool:
                 worker.give(waiting.popleft())
 
     def _start(self) -> None:
-        self._workers.append(_Worker(self._settings, self._events, self._reaper.group()))
+        process = self._processes.start(self._settings.model_dump_json())
+        self._workers.append(_Worker(self._settings.time_limit, self._events, process))
 
     def _end_overdue(self) -> None:
         """End workers whose planner does not come back to say itself that it took too long."""

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rich.console import Console
+from rich.markup import escape
 
 from common.system.progress import Steps, tell_of_kernels
 from common.system.remote_files import RemoteFolder
@@ -24,7 +25,13 @@ def planner_list(given: Sequence[str]) -> list[str]:
 
 
 def run_and_show(
-    evaluation: Evaluation, planners: Sequence[str], jobs: int, console: Console, copy_to: str | None
+    evaluation: Evaluation,
+    planners: Sequence[str],
+    jobs: int,
+    console: Console,
+    copy_to: str | None,
+    *,
+    warn_of_limit: bool = False,
 ) -> bool:
     """Run all episodes that are missing, with a bar for each planner; return whether episodes crashed.
 
@@ -34,6 +41,7 @@ def run_and_show(
         jobs: processes; 0 for one per core.
         console: where to show it.
         copy_to: URL of a folder to which the results files are copied when all is done, None for none.
+        warn_of_limit: say where the step limit is too small for what there is to explore.
 
     Raises:
         HDError: the processes cannot start, or the results cannot be written or copied.
@@ -50,8 +58,11 @@ def run_and_show(
         def watch(finished: Finished) -> None:
             steps.advance(finished.job.planner)
 
+        def warn(sentence: str) -> None:
+            console.print("[bold yellow]warning:[/]", escape(sentence), emoji=False, highlight=False, soft_wrap=True)
+
         try:
-            evaluation.run(jobs, watch)
+            evaluation.run(jobs, watch, warn if warn_of_limit else None)
         except KeyboardInterrupt:
             steps.stop()
             for name in rows:

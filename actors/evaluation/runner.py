@@ -17,6 +17,7 @@ from actors.evaluation.pool import Job, WorkerPool
 from actors.evaluation.results import Results, ResultsError, write_record, write_results
 from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.step_limit import warn_of_limit
+from actors.evaluation.worker_process import WorkerProcesses
 from actors.evaluation.worlds import WorldSet
 from common.errors import ConfigError, LockedError
 from common.ids import check_id
@@ -69,6 +70,7 @@ class Evaluation(Closing):
         *,
         label: str | None = None,
         overwrite: bool = False,
+        processes: WorkerProcesses | None = None,
     ) -> None:
         """Check everything that can be checked before the work starts, and read what was done already.
 
@@ -78,6 +80,7 @@ class Evaluation(Closing):
             out: folder of the results; made when missing.
             label: name of the only planner in the results, so that policies can be told apart; None for its own.
             overwrite: forget what was done already.
+            processes: where worker processes come from, one prepared perhaps; whoever gives it closes it.
 
         Raises:
             HDError: a planner cannot be made, a map source cannot be used, the folder holds other results, or another
@@ -90,6 +93,7 @@ class Evaluation(Closing):
         if label is not None:
             check_label(label, self._planners)
         self._label = label
+        self._processes = processes
         for planner in self._planners:
             settings.make(planner)
         self._worlds = WorldSet.open(settings.maps, settings.map_task, settings.metres_per_pixel, settings.limit)
@@ -135,12 +139,18 @@ class Evaluation(Closing):
         outcomes = self._journals[planner].outcomes
         return sum(number in outcomes for number in self._worlds.numbers)
 
-    def run(self, jobs: int, watch: Callable[[Progress], None] | None = None) -> None:
+    def run(
+        self,
+        jobs: int,
+        watch: Callable[[Progress], None] | None = None,
+        warn: Callable[[str], None] | None = None,
+    ) -> None:
         """Run all episodes that are missing; write results also when this is broken off.
 
         Args:
             jobs: processes; 0 for one per core.
             watch: called after each episode.
+            warn: called with `limit_warning` where there is one; it is looked for while the processes start.
 
         Raises:
             HDError: the processes cannot start, or the results cannot be written.
@@ -157,7 +167,9 @@ class Evaluation(Closing):
                 log.warning("planner %s: %d episodes were run at commit %s", planner, self.done(planner), made)
         try:
             if waiting:
-                self._work(waiting, min(jobs or os.cpu_count() or 1, len(waiting)), watch)
+                self._work(waiting, min(jobs or os.cpu_count() or 1, len(waiting)), watch, warn)
+            elif warn is not None:
+                self._warn(warn)
         finally:
             self._write()
 
@@ -199,8 +211,23 @@ class Evaluation(Closing):
                 "until it ends, or choose another --out"
             ) from None
 
-    def _work(self, waiting: Sequence[Job], workers: int, watch: Callable[[Progress], None] | None) -> None:
-        with WorkerPool(self._settings, workers) as pool, closing(pool.run(waiting)) as finished:
+    def _warn(self, warn: Callable[[str], None]) -> None:
+        if sentence := self.limit_warning():
+            warn(sentence)
+
+    def _work(
+        self,
+        waiting: Sequence[Job],
+        workers: int,
+        watch: Callable[[Progress], None] | None,
+        warn: Callable[[str], None] | None,
+    ) -> None:
+        with (
+            WorkerPool(self._settings, workers, self._processes) as pool,
+            closing(pool.run(waiting)) as finished,
+        ):
+            if warn is not None:
+                self._warn(warn)
             for job, outcome in finished:
                 name = self._worlds.name(job.number)
                 if outcome.crashed:

@@ -1,9 +1,9 @@
 """One worker process of an evaluation: runs the episodes that it is given on standard input.
 
-Started as ``python -m actors.evaluation.worker SETTINGS``, the settings being JSON (`EvaluationSettings`). A job is
-one line ``{"planner": NAME, "number": N}``; what happens is told on standard output, one JSON object a line with an
-``event``: ``ready`` (takes jobs), ``unusable`` (with the reason), ``warm`` (a planner's first decisions, which compile
-its kernels), ``start``, ``decide``, ``drive``, ``moved`` (see `run_episode`), ``done`` (with the outcome).
+Started as ``python -m actors.evaluation.worker``. The first line on standard input are the settings as JSON
+(`EvaluationSettings`), the others are jobs, ``{"planner": NAME, "number": N}``. Events are told on standard output, one
+JSON object a line: ``ready`` (takes jobs), ``unusable`` (with the reason), ``warm`` (a planner's first decisions, which
+compile its kernels), ``start``, ``decide``, ``drive``, ``moved`` (see `run_episode`), ``done`` (with the outcome).
 """
 
 from __future__ import annotations
@@ -110,12 +110,8 @@ class Worker:
         return self._planners[name]
 
 
-def serve(settings: str) -> int:
-    """Serve jobs until standard input ends; return the exit code.
-
-    Args:
-        settings: of the evaluation, JSON.
-    """
+def serve() -> int:
+    """Take the settings and serve jobs until standard input ends; return the exit code."""
     setup_logging(os.environ.get("HD_LOG_LEVEL", "warning"))
     # Libraries that print must not get into the events: those go to the real standard output, prints to the log.
     events = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
@@ -126,6 +122,9 @@ def serve(settings: str) -> int:
         events.write(json.dumps({"event": event, "value": value}) + "\n")
         events.flush()
 
+    settings = sys.stdin.readline()
+    if not settings:
+        return 0
     try:
         worker = Worker(EvaluationSettings.model_validate_json(settings), tell)
     except HDError as error:
@@ -149,6 +148,6 @@ def _make_runner(settings: EvaluationSettings) -> EpisodeRunner:
 
 
 if __name__ == "__main__":
-    code = serve(sys.argv[1])
+    code = serve()
     sys.stderr.flush()
     os._exit(code)
