@@ -7,7 +7,8 @@ them begins a new folder. It also works where the software's own folder cannot b
 NUMBA_CACHE_DIR wins.
 
 Processes that start together need the same kernels: each is compiled by one of them, while the others wait for it and
-load it. A process that compiles says so in its log, and every few seconds how many kernels it has compiled.
+load it. A process that compiles says so in its log, and every few seconds how many kernels it has compiled. SIGINT and
+SIGTERM are heard between two kernels.
 """
 
 from __future__ import annotations
@@ -20,10 +21,13 @@ import hashlib
 import logging
 import os
 import shutil
+import signal
+import threading
 import time
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numba
@@ -35,6 +39,7 @@ _SOURCES = Path(__file__).parents[2]
 _MARK = b"import njit"
 _FORGET_SECONDS = 7 * 86400.0
 _SAY_SECONDS = 10.0
+_ENDING = (signal.SIGINT, signal.SIGTERM)
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -112,6 +117,45 @@ class _Progress:
 _progress = _Progress()
 
 
+class _HeldSignals:
+    """Holds back SIGINT and SIGTERM while a kernel is compiled, and lets them be handled when it is.
+
+    Their handlers raise exceptions while a process prepares itself. One that is raised where LLVM calls back is lost:
+    the process would not end, or with an error of the compiler. Compiling a kernel compiles those that it calls, so
+    this nests, and signals are handled at the end of the inner one. Only the main thread handles signals.
+    """
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._handlers: dict[signal.Signals, Callable[[int, FrameType | None], Any]] = {}
+        self._came: list[int] = []
+
+    def __enter__(self) -> None:
+        self._depth += 1
+        if self._depth == 1:
+            found = {number: signal.getsignal(number) for number in _ENDING}
+            self._handlers = {number: handler for number, handler in found.items() if callable(handler)}
+            self._hold()
+
+    def __exit__(self, *error: object) -> None:
+        self._depth -= 1
+        came, self._came = self._came, []
+        if came or not self._depth:
+            for number, handler in self._handlers.items():
+                signal.signal(number, handler)
+        for number in came:
+            signal.raise_signal(number)
+        if came and self._depth:
+            self._hold()
+
+    def _hold(self) -> None:
+        for number in self._handlers:
+            signal.signal(number, lambda number, _: self._came.append(number))
+
+
+_held_signals = _HeldSignals()
+
+
 def _compile_in_one_process(kernel: Any, folder: Path) -> None:
     """Let one process at a time compile a kernel; numba's own cache is read without a lock, and not again."""
     compile_now = kernel.compile
@@ -121,7 +165,9 @@ def _compile_in_one_process(kernel: Any, folder: Path) -> None:
         if isinstance(signature, tuple) and signature in kernel.overloads:
             return compile_now(signature)
         # numba's lock first: whoever waits for another process keeps this one's threads from waiting for each other.
-        with global_compiler_lock, _claimed(folder, place), _no_collection():
+        main = threading.current_thread() is threading.main_thread()
+        held = _held_signals if main else contextlib.nullcontext()
+        with held, global_compiler_lock, _claimed(folder, place), _no_collection():
             _progress.begin()
             before = _misses(kernel)
             entry = compile_now(signature)

@@ -19,7 +19,9 @@ def run_bridge(config: DeployConfig) -> None:
         HDError: it cannot start.
     """
     stop = threading.Event()
-    with stopping_signals(stop.set, stop.is_set), Bridge(config) as bridge:
+    # What prepares the bridge takes a minute on a fresh installation: there a signal raises, as in any command that
+    # starts. Once the bridge is there it stops in order, and is closed before signals raise again.
+    with Bridge(config) as bridge, stopping_signals(stop.set, stop.is_set), bridge:
         log.info(
             "robot %r: %s by %s, %s; waiting for %s",
             config.name,

@@ -58,3 +58,42 @@ def test_processes_share_what_one_compiles_and_a_change_of_a_called_kernel_reach
     (package / "inner.py").write_text(INNER.format(10))
     assert told(start(tmp_path)) == "11"
     assert "compiling kernels" in log.read_text()
+
+
+INTERRUPTED = """
+import os, signal
+from numba.core import codegen
+from common.system.entry import ended_by_signals
+from common.system.jit import njit
+
+class_ = codegen.CPUCodeLibrary
+told = class_._object_compiled_hook.__func__
+
+def hook(*arguments):
+    os.kill(os.getpid(), signal.SIGTERM)
+    return told(*arguments)
+
+class_._object_compiled_hook = classmethod(hook)
+
+@njit(cache=True)
+def inner(x):
+    return x + 1
+
+@njit(cache=True)
+def outer(x):
+    return inner(x)
+
+with ended_by_signals():
+    try:
+        outer(1)
+    finally:
+        print(*(len(kernel.overloads) for kernel in (inner, outer)), flush=True)
+"""
+
+
+def test_a_signal_in_the_midst_of_compiling_is_heard_when_that_kernel_is_done(tmp_path):
+    (tmp_path / "program.py").write_text(INTERRUPTED)
+    environment = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "program.py"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (143, "1 0\n", "terminated\n")
