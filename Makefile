@@ -33,8 +33,8 @@ $(STAMP): pyproject.toml constraints.txt
 
 install: $(STAMP)  ## create .venv and install everything into it
 
-kernels: $(STAMP)  ## compile once what mapping, simulated worlds and the network call
-	$(BIN)/python -m actors.warmup
+kernels: $(STAMP)  ## compile once, in two processes, what actors, learners, planners and robots call
+	$(BIN)/python scripts/compile_kernels.py
 
 run: $(STAMP)  ## train here: a learner, two PyBullet actors and an evaluator, with a live view (Ctrl-C stops; run again to resume)
 	@sim=''; $(BIN)/python -c 'import pybullet' 2>/dev/null || { sim='--sim grid'; echo 'no PyBullet here: training with --sim grid'; }; \
