@@ -63,7 +63,9 @@ PARTS: Final[Mapping[str, Part]] = {
         "full steps of one actor on one core",
         short={"seconds": 0.1, "specs": [_SMALL_WORLDS], "cases": ["grid, d 64, labels", "pybullet kinematic, d 64"]},
     ),
-    "updates": Part("updates of the learner at batch 64", None, {"repeats": 1, "size": 4, "episodes": 1}),
+    "updates": Part(
+        "updates of the learner at batch 64", None, {"repeats": 1, "size": 4, "episodes": 1, "networks": ["small"]}
+    ),
     "ranks": Part("an update that 1, 2 and 4 learner processes share", short=None),
     "replay": Part("the replay buffer", short={"capacity": 1_000}),
     "ingest": Part("chunks through codec and bus, weights to actors", short={"chunks": 10, "processes": [1]}),

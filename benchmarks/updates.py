@@ -11,6 +11,7 @@ same batch.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,20 +31,24 @@ BATCH = 64
 WAYS = (("fp32", "fp32", "full"), ("bf16", "bf16", "full"), ("bf16_reduced", "bf16", "reduced"))
 
 
-def run(repeats: int = 3, size: int = BATCH, episodes: int = EPISODES) -> dict[str, float]:
+def run(
+    repeats: int = 3, size: int = BATCH, episodes: int = EPISODES, networks: Sequence[str] = tuple(SIZES)
+) -> dict[str, float]:
     """Return viewpoints in the mean, updates per processor second, and the time of dense over ours.
 
     Args:
         repeats: of each update; the quickest counts.
         size: transitions of a batch.
         episodes: from which they are drawn.
+        networks: names of sizes.
     """
     torch.set_num_threads(1)
     batch = real_transitions(size, episodes)
     # As if a policy had drawn what the expert chose: on-policy returns count such steps alone.
     batch = replace(batch, probabilities=np.full(size, 0.5, dtype=np.float32))
     results: dict[str, float] = {"updates/viewpoints": float(batch.observations.count.mean())}
-    for label, network in SIZES.items():
+    for label in networks:
+        network = SIZES[label]
         dense = _dense_seconds(network, batch.observations, repeats)
         for name, precision, graph in WAYS:
             network_here = network.model_copy(update={"graph": graph})

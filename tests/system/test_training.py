@@ -22,7 +22,7 @@ from common.messages.experience import Chunk, Delivery
 from common.messages.schema import decode
 from learner.run.journal import Journal, RecordKind
 
-STEPS = 700
+STEPS = 400
 ACKNOWLEDGED = re.compile(r"(system-\d+) \| .*message (\d+) of incarnation (\d+) is acknowledged")
 SETTINGS = [
     "maps.train=generator:rooms?width=320&height=240",
@@ -37,7 +37,7 @@ SETTINGS = [
     "learner.publish_every=2",
     "learner.threads=1",
     "checkpoints.every_seconds=1",
-    "actor.chunk_steps=8",
+    "actor.chunk_steps=4",
 ]
 
 
@@ -124,7 +124,7 @@ def test_training_survives_the_death_of_an_actor_and_of_the_learner(system):
 
     status = system.wait_for(
         lambda s: (
-            s["steps"] >= 150
+            s["steps"] >= 100
             and len(alive(s)) == 2
             and all(a["steps"] and a["version"] >= 2 for a in alive(s).values())
         ),
@@ -134,7 +134,7 @@ def test_training_survives_the_death_of_an_actor_and_of_the_learner(system):
 
     victim = next(child for child in psutil.Process(actors.pid).children() if "actors.process" in child.cmdline())
     victim.kill()
-    status = system.wait_for(lambda s: s["steps"] >= 300, 60)
+    status = system.wait_for(lambda s: s["steps"] >= 200, 60)
 
     learner.send_signal(signal.SIGKILL)
     learner.wait()

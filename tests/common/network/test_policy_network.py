@@ -25,8 +25,8 @@ from tests.common.network.dense import dense_batch, dense_policy
 from tests.observations import random_batch
 
 VARIANTS = ("vanilla", "hierarchical", "hdplanner")
-# From one head of all 16 numbers to 16 heads of one.
-HEADS = (1, 2, 4, 8, 16)
+# From one head of all 16 numbers to 16 heads of one; each number of heads has kernels of its own to be compiled.
+HEADS = (1, 4, 16)
 
 
 def small(variant: str = "hdplanner", **changes: object) -> NetworkConfig:

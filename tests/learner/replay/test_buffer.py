@@ -172,13 +172,13 @@ def test_labelled_transitions_bring_the_labels_of_the_observation_that_they_lead
     assert at == len(batch.next_labels.cost)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(100, 140), st.booleans())
 def test_the_oldest_leave_first_and_limits_hold(seed, capacity, reorder):
     rng = np.random.default_rng(seed)
     replay = ReplayBuffer(capacity=capacity, max_bytes=30_000_000)
     last = -1.0
-    for episode in range(40):
+    for episode in range(30):
         end = list(End)[rng.integers(3)]
         chunks = deliver(episode_chunks(rng, POOL, int(rng.integers(1, 30)), 5, end, episode=episode))
         if reorder:
