@@ -20,7 +20,7 @@ from actors.simulators.dynamic import DynamicSimulator
 from common.config import SimulatorConfig
 from common.geometry import Pose
 
-SMALL = "generator:building?width=192&height=192&lobbies=1"
+SMALL = "generator:building?width=144&height=144&lobbies=1"
 
 
 def call(*arguments):
@@ -40,7 +40,7 @@ def tour(tmp_path_factory):
     out = tmp_path_factory.mktemp("tour")
     # The targets of a tour are drawn: a plan with a start alone will do.
     plan = tmp_path_factory.mktemp("plan") / "plan.png"
-    world = make_generator("building", {"width": "192", "height": "192", "lobbies": "1"}).world(0, 0.25)
+    world = make_generator("building", {"width": "144", "height": "144", "lobbies": "1"}).world(0, 0.25)
     write_png(replace(world, target=None, target_region=None), plan)
     where = ["--world", plan, "--jobs", 1, "--targets", 2]
     result = call("large", "--planner", "astar", "--task", "navigation", "--robot-radius", 0.25, *where, "--out", out)
@@ -58,9 +58,9 @@ def test_an_exploration_is_complete_and_counted(exploration):
     # A scan every fifth of a second, and one at each waypoint.
     assert len(episode.track) >= 5.0 * episode.time_s
     volumes = [volume for _, _, volume, _ in episode.curve]
-    assert volumes == sorted(volumes) and volumes[-1] == episode.volume_m3 > 300.0
+    assert volumes == sorted(volumes) and volumes[-1] == episode.volume_m3 > 150.0
     # The floor that was seen is one layer of voxels; walls add to it.
-    assert episode.volume_m3 < 0.5 * 48.0 * 48.0
+    assert episode.volume_m3 < 0.5 * 36.0 * 36.0
 
 
 def test_a_tour_visits_all_targets(tour):
