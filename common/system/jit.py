@@ -133,22 +133,24 @@ class _HeldSignals:
     def __enter__(self) -> None:
         self._depth += 1
         if self._depth == 1:
-            found = {number: signal.getsignal(number) for number in _ENDING}
-            self._handlers = {number: handler for number, handler in found.items() if callable(handler)}
             self._hold()
 
     def __exit__(self, *error: object) -> None:
         self._depth -= 1
         came, self._came = self._came, []
         if came or not self._depth:
-            for number, handler in self._handlers.items():
+            # Once alone: a handler may have put another one in its place before it raised.
+            handlers, self._handlers = self._handlers, {}
+            for number, handler in handlers.items():
                 signal.signal(number, handler)
-        for number in came:
-            signal.raise_signal(number)
+        for each in came:
+            signal.raise_signal(each)
         if came and self._depth:
             self._hold()
 
     def _hold(self) -> None:
+        found = {number: signal.getsignal(number) for number in _ENDING}
+        self._handlers = {number: handler for number, handler in found.items() if callable(handler)}
         for number in self._handlers:
             signal.signal(number, lambda number, _: self._came.append(number))
 
