@@ -77,10 +77,6 @@ class System:
         command = [sys.executable, "-m", "learner", verb, "--run", "system", "--connect", self.endpoint, *options]
         return subprocess.run(command, capture_output=True, text=True, env=self.environment, cwd=self.folder)
 
-    def status(self) -> dict:
-        done = self.ask("status", "--json")
-        return json.loads(done.stdout) if done.returncode == 0 else {}
-
     def wait_for(self, condition, seconds: float) -> dict:
         """Ask for the status until it meets a condition; fail with both logs when it does not in time."""
         status, end = {}, time.monotonic() + seconds
@@ -153,7 +149,7 @@ def test_training_survives_the_death_of_an_actor_and_of_the_learner(system):
     actors.send_signal(signal.SIGINT)
     assert actors.wait(20) == 0
     assert time.monotonic() - began < 8.0, "actors took too long to end (three seconds on an idle machine)"
-    final = system.status()
+    final = system.wait_for(lambda status: True, 60)
     assert system.ask("stop").returncode == 0
     assert learner.wait(60) == 0
 
