@@ -29,6 +29,7 @@ from common.messages.schema import encode
 from common.planners.reference import ReferenceRoute
 from common.policies.policy import Policy
 from common.system.jit import forget_old_caches
+from common.system.logs import setup_logging
 from common.tasks import BOTH
 
 
@@ -68,5 +69,7 @@ def _encode(chunk: Chunk) -> None:
 
 
 if __name__ == "__main__":
+    # What it compiles, and how far it is, is told in the log of whoever starts it.
+    setup_logging(os.environ.get("HD_LOG_LEVEL", "info"))
     follow_parent(os.getppid(), threading.Event())
     warm_up(NetworkConfig.model_validate_json(sys.argv[1]) if len(sys.argv) > 1 else NetworkConfig())
