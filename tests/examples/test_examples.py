@@ -56,6 +56,7 @@ def test_own_simulator_is_driven_in(tmp_path):
     assert float(rainy.split()[3].rstrip("%")) > 99.0
 
 
+@pytest.mark.slow
 def test_train_leaves_a_policy_that_drives(tmp_path):
     assert "example.safetensors: 50 updates" in run("train", tmp_path)
     assert json.loads((tmp_path / "example.json").read_text())["updates"] == 50

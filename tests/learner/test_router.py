@@ -48,7 +48,9 @@ def keep(stored: list[Delivery]):
 
 
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize("compression", [False, True], ids=["plain", "compressed"])
+@pytest.mark.parametrize(
+    "compression", [pytest.param(False, marks=pytest.mark.slow), True], ids=["plain", "compressed"]
+)
 def test_deliveries_cross_a_router_that_comes_late_and_comes_back(compression):
     bus = loopback(compression=compression)
     site = f"tcp/127.0.0.1:{free_port()}"

@@ -27,7 +27,7 @@ def change(node, name, by="id"):
     return call(node, "change_state", transition=message("lifecycle_msgs/msg/Transition", **fields)).success
 
 
-@pytest.mark.parametrize("layout", ["rmw_zenoh", "ros2dds"])
+@pytest.mark.parametrize("layout", ["rmw_zenoh", pytest.param("ros2dds", marks=pytest.mark.slow)])
 def test_a_manager_brings_the_bridge_up_and_down(layout):
     router, config = network(mapping=MAPPING)
     ros = config.ros.model_copy(update={"layout": layout})
