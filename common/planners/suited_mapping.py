@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from typing import Final
 
 import numpy as np
@@ -15,7 +14,7 @@ log = logging.getLogger(__name__)
 
 # Viewpoints may be this many times wider or closer, in shares of the sensor's range, than those that a policy knows.
 SPACING_TOLERANCE: Final = 1.3
-# With a sensor of at least this share of the range in training a policy keeps up with the classical planners: with
+# With a sensor of at least this share of the shortest range in training a policy keeps up with the classical planners: with
 # 15 instead of 20 m it drives as far as `tour`, with 10 m 12 % farther (docs/training.md).
 SHORTEST_RANGE: Final = 0.7
 
@@ -39,8 +38,9 @@ def of_known_scale(card: PolicyCard, config: MappingConfig) -> bool:
     than it ever saw. Nor does the sensor reach much less far: the same blocks then hide more.
     """
     low, high = card.ranges.get("resolution", (card.mapping.resolution, card.mapping.resolution))
-    shortest, _ = card.ranges.get("sensor_range", (SHORTEST_RANGE * card.mapping.sensor_range, math.inf))
-    return low <= config.resolution <= high and config.sensor_range >= shortest and _spacing_fits(card, config)
+    trained, _ = card.ranges.get("sensor_range", (card.mapping.sensor_range, card.mapping.sensor_range))
+    far_enough = config.sensor_range >= SHORTEST_RANGE * trained
+    return low <= config.resolution <= high and far_enough and _spacing_fits(card, config)
 
 
 def _differences(card: PolicyCard, config: MappingConfig) -> list[str]:

@@ -1,5 +1,7 @@
 """The guard: the shipped policies decide in worlds like those of their training, a classical planner elsewhere."""
 
+from dataclasses import replace
+
 import pytest
 
 from actors.environment import Environment
@@ -13,6 +15,8 @@ from common.planners.base import TaskName
 from common.planners.depth import MOST_CYCLES, Decider, Depth
 from common.planners.learned import LearnedPlanner, bare_planner
 from common.planners.registry import make_planner
+from common.planners.suited_mapping import of_known_scale
+from common.policies.policy_file import read_weights
 from common.policies.shipped import shipped_policy
 
 MAPPING = MappingConfig()
@@ -132,3 +136,12 @@ def test_cells_and_spacing_of_another_scale_are_no_place_for_a_shipped_policy(
     assert (learned.attention is not None) == within
     # The classical planner that decides alone gets the mapping that was asked for, and so drives as by itself.
     assert within or fitting == mapping
+
+
+def test_a_policy_of_one_range_has_the_same_room_whether_its_card_names_the_range_or_not() -> None:
+    """Cards of later trainings name the ranges that were drawn."""
+    _, card = read_weights(shipped_policy("exploration"))
+    named = replace(card, ranges={"sensor_range": (20.0, 20.0)})
+    for sensor, within in ((15.0, True), (10.0, False)):
+        mapping = MappingConfig(sensor_range=sensor, viewpoint_spacing=sensor / 5.0)
+        assert of_known_scale(card, mapping) is of_known_scale(named, mapping) is within
