@@ -1,4 +1,4 @@
-"""The batch after the next, prepared while a device other than the host's processor computes an update."""
+"""The next batch, prepared while a device other than the host's processor computes an update."""
 
 from __future__ import annotations
 
