@@ -66,6 +66,11 @@ PARTS: Final[Mapping[str, Part]] = {
     "updates": Part(
         "updates of the learner at batch 64", None, {"repeats": 1, "size": 4, "episodes": 1, "networks": ["small"]}
     ),
+    "device_updates": Part(
+        "updates on the learner's device, a GPU where there is one, with the batch prepared beforehand",
+        None,
+        {"device": "cpu", "size": 4, "repeats": 1, "episodes": 1, "networks": ["small"]},
+    ),
     "ranks": Part("an update that 1, 2 and 4 learner processes share", short=None),
     "replay": Part("the replay buffer", short={"capacity": 1_000}),
     "ingest": Part("chunks through codec and bus, weights to actors", short={"chunks": 10, "processes": [1]}),

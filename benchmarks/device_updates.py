@@ -1,15 +1,16 @@
 """Measure updates on a device such as a GPU: milliseconds of wall time at batch 192 on real transitions.
 
 `python -m benchmarks.device_updates [--device cuda] [--batch N]`: imitation and soft actor-critic, for both sizes of
-network on the reduced graph, in fp32 and bfloat16. The batch is prepared beforehand, as a learner does in a thread of
-its own beside such a device; `prepare` is what that takes on the host.
+network on the reduced graph, in fp32 and, where the device has it, bfloat16.
+The batch is prepared beforehand, as a learner does in a thread of its own beside such a device; `prepare` is what that
+takes on the host.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
@@ -17,7 +18,7 @@ import torch
 from benchmarks.experience import real_transitions
 from benchmarks.inference import SIZES
 from common.config import RunConfig
-from learner.algorithm.device import choose_device
+from learner.algorithm.device import choose_device, wants_bf16
 from learner.algorithm.factory import make_learner
 
 BATCH = 192
@@ -25,7 +26,13 @@ REPEATS = 10
 EPISODES = 12
 
 
-def run(device: str = "auto", size: int = BATCH, repeats: int = REPEATS, episodes: int = EPISODES) -> dict[str, float]:
+def run(
+    device: str = "auto",
+    size: int = BATCH,
+    repeats: int = REPEATS,
+    episodes: int = EPISODES,
+    networks: Sequence[str] = tuple(SIZES),
+) -> dict[str, float]:
     """Return milliseconds by size, arithmetic and stage, the least of some repeats.
 
     Args:
@@ -33,12 +40,15 @@ def run(device: str = "auto", size: int = BATCH, repeats: int = REPEATS, episode
         size: transitions of a batch.
         repeats: of each update.
         episodes: from which they are drawn.
+        networks: names of sizes.
     """
     where = choose_device(device)
+    precisions = ("fp32", "bf16") if wants_bf16("auto", where) else ("fp32",)
     drawn = real_transitions(size, episodes)
     results: dict[str, float] = {"device_updates/viewpoints": float(drawn.observations.count.mean())}
-    for label, network in SIZES.items():
-        for precision in ("fp32", "bf16"):
+    for label in networks:
+        network = SIZES[label]
+        for precision in precisions:
             for stage, imitation in (("cloning", 1_000_000), ("sac", 0)):
                 config = RunConfig.model_validate(
                     {
@@ -50,9 +60,10 @@ def run(device: str = "auto", size: int = BATCH, repeats: int = REPEATS, episode
                     }
                 )
                 learner = make_learner(config, where)
-                rng = np.random.default_rng(0)
+                rng, cloning = np.random.default_rng(0), stage == "cloning"
+                learner.prepare(drawn, rng, cloning=cloning)  # the first one loads its kernels
                 began = time.perf_counter()
-                batch = learner.prepare(drawn, rng, cloning=stage == "cloning")
+                batch = learner.prepare(drawn, rng, cloning=cloning)
                 name = f"device_updates/{label}/{precision}/{stage}"
                 results[f"{name}_prepare_ms"] = 1e3 * (time.perf_counter() - began)
                 results[f"{name}_ms"] = 1e3 * _quickest(lambda run=learner, on=batch: run.update(on), where, repeats)  # type: ignore[misc]
