@@ -48,6 +48,9 @@ class MapView:
     _frontiers: Frontiers
     _graph: ViewpointGraph
     _utility: FrontierUtility
+    # How a robot that is cut off gets back to clear space of its viewpoint; mostly empty.
+    _back: list[tuple[float, float]]
+    _cut_off: tuple[float, float] | None
 
     @property
     def target(self) -> tuple[float, float] | None:
@@ -81,6 +84,14 @@ class MapView:
     def stuck(self) -> bool:
         """Whether the last update found no clear space where the robot is, so that there is no observation."""
         return self._robot < 0
+
+    @property
+    def cut_off(self) -> tuple[float, float] | None:
+        """Where the robot has been and can get to no more although more is left to see from there, metres; mostly None.
+
+        Something has closed the way that it came, and where it can get to, nothing is left.
+        """
+        return self._cut_off
 
     @property
     def explored_area(self) -> float:
@@ -183,10 +194,13 @@ class MapView:
         Returns:
             Node numbers, -1 where a position lies in no piece of the last update's graph, int64, shape (m,).
         """
-        cells = (positions - self._origin) / self.belief.resolution + 1.0
-        x, y = np.rint(cells.T * SUBCELLS).astype(np.int64)
-        pieces = self._graph.pieces_at(x, y)
+        pieces = self._graph.pieces_at(*self._subcells(positions))
         return np.where(pieces >= 0, self._numbers[pieces], -1).astype(np.int64)
+
+    def _subcells(self, positions: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return x and y of positions, metres, shape (m, 2), in subcells, int64, shape (2, m)."""
+        cells = (positions - self._origin) / self.belief.resolution + 1.0
+        return np.rint(cells.T * SUBCELLS).astype(np.int64)
 
     def joined(self, a: int, b: int) -> bool:
         """Whether an edge joins two nodes, so that there is a `way`; no number of a node is joined with nothing."""
@@ -223,6 +237,8 @@ class MapView:
     def way_home(self) -> list[tuple[float, float]]:
         """Return where to drive from the pose of the last update to the robot's viewpoint, that included, metres.
 
+        A robot that is cut off from it goes back as it came, see `Mapper.update`.
+
         Raises:
             MappingError: the robot is stuck.
         """
@@ -231,10 +247,14 @@ class MapView:
         goal = self.position(self._robot)
         if self.segment_free(self._pose.position, goal):
             return [goal]
-        graph = self._graph
-        place = graph.pieces[graph.robot]
-        here = self.belief.subcells(self._pose.position)
-        corners = graph.way_within(graph.robot, here, (int(place["x"]), int(place["y"])))
+        back = self._back
+        start = back[-1] if back else self._pose.position
+        return [*back, *self.way_inside(self._robot, start, goal)]
+
+    def way_inside(self, node: int, start: tuple[float, float], goal: tuple[float, float]) -> list[tuple[float, float]]:
+        """Return the way between two places of a node's piece of clear space: the corners and the goal, metres."""
+        subcells = self.belief.subcells
+        corners = self._graph.way_within(int(self._order[node]), subcells(start), subcells(goal))
         return [*self._metres(corners[1:-1]), goal]
 
     def segment_free(self, a: tuple[float, float], b: tuple[float, float]) -> bool:

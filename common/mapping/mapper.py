@@ -15,11 +15,14 @@ from common.mapping.belief import Belief
 from common.mapping.frontiers import FrontierChanges, Frontiers
 from common.mapping.lookouts import Remains
 from common.mapping.map_view import MapView
+from common.mapping.pieces import NOWHERE
 from common.mapping.planning_set import Frame, anything_left, plan
 from common.mapping.raycast import SUBCELLS
+from common.mapping.retreat import corners_back, cut_off, find_back
 from common.mapping.sight import NOTHING_LOST
 from common.mapping.target import Target
 from common.mapping.thinning import cells_a_block
+from common.mapping.track import Track
 from common.mapping.utility import FrontierUtility
 from common.mapping.viewpoints import ViewpointGraph
 from common.observations.observation import MAX_VIEWPOINTS, Observation
@@ -88,18 +91,31 @@ class Mapper(MapView):
         self._beacon_reach = round(config.beacon_range / config.resolution * SUBCELLS)
         self.target = target
         self._pose: Pose | None = None
+        self._track = Track(config.resolution)
+        self._back = []
+        self._cut_off = None
         self._rebuild(None)
         self._forget_nodes()
 
     def integrate(self, scan: Scan, pose: Pose) -> int:
         """Add a scan to the belief and return the number of cells that became known; see `Belief.integrate`."""
-        return self.belief.integrate(scan, pose)
+        known = self.belief.integrate(scan, pose)
+        self.passed(pose)
+        return known
+
+    def passed(self, pose: Pose) -> None:
+        """Note where the robot has been, for those who write the belief themselves; `integrate` does it, too."""
+        self._track.add(pose.position)
 
     def update(self, pose: Pose) -> None:
         """Bring frontiers, viewpoints, edges, utilities, beacons, visited flags and the robot's node up to date.
 
         A viewpoint counts as visited when it is the robot's node and within half a spacing, or once nothing else is
         left to look at. One that has moved to a lookout counts as not visited.
+
+        A robot can come to stand in clear space that later turns out to be cut off: a gap that it has passed is too
+        narrow by its map. When nothing is left to see where it can get to from there, it counts as standing where it
+        came from, if there is more to see, and `way_home` leads back along its track; `cut_off` tells of a closed way.
 
         Raises:
             MappingError: the pose is not finite or too far away, or more viewpoints are reachable than an observation
@@ -118,23 +134,21 @@ class Mapper(MapView):
         robot = belief.subcells(pose.position)
         self._graph.update(changed, frontiers.lost, robot, stay=self._thorough)
         self._update_utility(frontiers)
-        self._utility = self._thinned
         self._pose = pose
+        self._back = []
+        self._cut_off = None
         if self._graph.robot < 0:
+            self._utility = self._thinned
             self._forget_nodes()
             return
-        self._order, self._numbers, self._edges = self._graph.reachable()
-        left = self._anything_left(robot)
-        if left:
-            self._exact = None
-        elif self._thinned.side > 1:
-            # A viewpoint that shows none of the frontiers that stand for others may still show those.
-            if self._exact is None:
-                self._exact = self._new_utility(1)
-                everything = FrontierChanges(self._frontiers.flat.astype(np.int32), _NO_NODES, NOTHING_LOST)
-                self._exact.update(belief.padded.reshape(-1), everything)
-            self._utility = self._exact
-            left = self._anything_left(robot)
+        left = self._survey(robot)
+        if not left:
+            place = self._go_back()
+            if place is not None:
+                robot = place
+                self._graph.update(None, NOTHING_LOST, robot, stay=self._thorough)
+                self._update_utility(_NO_CHANGES)
+                left = self._survey(robot)
         if not left:
             every = self._frontiers.flat.astype(np.int32)
             self._look_around(every, np.ones_like(every), robot, everywhere=True)
@@ -168,6 +182,47 @@ class Mapper(MapView):
 
     def _new_utility(self, side: int) -> FrontierUtility:
         return FrontierUtility(self.belief, self._frontiers, self._graph, self._config, side=side)
+
+    def _survey(self, robot: tuple[int, int]) -> bool:
+        """Number the viewpoints that the robot can get to, and return whether anything is left to see from them."""
+        self._order, self._numbers, self._edges = self._graph.reachable()
+        self._utility = self._thinned
+        left = self._anything_left(robot)
+        if left:
+            self._exact = None
+        elif self._thinned.side > 1:
+            # A viewpoint that shows none of the frontiers that stand for others may still show those.
+            if self._exact is None:
+                self._exact = self._new_utility(1)
+                everything = FrontierChanges(self._frontiers.flat.astype(np.int32), _NO_NODES, NOTHING_LOST)
+                self._exact.update(self.belief.padded.reshape(-1), everything)
+            self._utility = self._exact
+            left = self._anything_left(robot)
+        return left
+
+    def _go_back(self) -> tuple[int, int] | None:
+        """Return where on its track the robot counts as standing, subcells; mostly None.
+
+        The way there is noted in ``_back``, or in ``_cut_off`` that it is closed.
+        """
+        graph = self._graph
+        places = self._subcells(self._track.places)
+        if not cut_off(graph.pieces_at(*places), self._numbers).any():
+            return None
+        self._plan()
+        if self.target_known:
+            return None
+        target = NOWHERE if self.target is None else graph.piece_of(self.belief.subcells(self.target))
+        found = find_back(graph, places, self._numbers, self._thinned.counts, self._config.least_utility, target)
+        if found is None:
+            return None
+        x, y = self._track.places[found.oldest].tolist()
+        if found.closed:
+            self._cut_off = x, y
+            return None
+        assert self._pose is not None
+        self._back = corners_back(self, self._pose.position, self._track, found)
+        return self.belief.subcells((x, y))
 
     def _anything_left(self, robot: tuple[int, int]) -> bool:
         """Return whether a viewpoint where the robot has not been observes enough; one beside a frontier may move."""

@@ -194,15 +194,21 @@ class ViewpointGraph:
         found: NDArray[np.int64] = pieces_at(self.cells, self.layout, self.pieces, self.first_of, *places)
         return found
 
-    def reachable(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Adjacency]:
-        """Number the viewpoints that edges connect with that of the robot's piece.
+    def reachable(self, piece: int | None = None) -> tuple[NDArray[np.int32], NDArray[np.int32], Adjacency]:
+        """Number the viewpoints that edges connect with that of a piece, the robot's where none is given.
 
         Returns:
             The piece of each node, int32, shape (n,); the node number of each piece, -1 without one, int32, shape
             (used,); and the edges.
         """
         order, numbers, *edges = reach(
-            self.pieces, self.used, self.first_of, self.robot, self._pairs, self._touches, self._resolution
+            self.pieces,
+            self.used,
+            self.first_of,
+            self.robot if piece is None else piece,
+            self._pairs,
+            self._touches,
+            self._resolution,
         )
         return order, numbers, Adjacency(*edges)
 

@@ -220,14 +220,12 @@ class LearnedPlanner:
         if mapper.stuck:
             return Plan(Status.STUCK, reason="no viewpoint can be reached in a straight free line from the robot")
         observation = mapper.observe()
+        without = Status.UNREACHABLE if observation.has_target else Status.COMPLETE
         if not len(observation.beacon_nodes()):
-            if observation.has_target:
-                return Plan(Status.UNREACHABLE, reason="no reachable viewpoint observes a frontier or the target")
-            return Plan(Status.COMPLETE, reason="no reachable viewpoint observes a frontier")
+            return nothing_left(mapper, without)
         self._scanned.note(mapper, pose)
         if not observation.target_known and not len(self._scanned.candidates(mapper)):
-            status = Status.UNREACHABLE if observation.has_target else Status.COMPLETE
-            return Plan(status, reason=nothing_left(int(np.count_nonzero(observation.utility))))
+            return nothing_left(mapper, without)
         if not len(observation.waypoint_nodes()):
             # What is to be seen is seen from the only viewpoint there is.
             plan = next_leg(mapper, pose, [mapper.robot], self._config.viewpoint_spacing)

@@ -110,7 +110,7 @@ class ViewpointPlanner(ABC):
         self.scanned.note(mapper, pose)
         candidates = self.scanned.candidates(mapper)
         if not len(candidates):
-            return Plan(Status.COMPLETE, reason=nothing_left(int(np.count_nonzero(mapper.observe().utility))))
+            return nothing_left(mapper)
         stops = self.choose(mapper, pose, candidates, mapper.viewpoints)
         if not stops:
             return Plan(Status.COMPLETE, reason="no viewpoint that still observes frontiers leads anywhere new")
@@ -194,11 +194,19 @@ def _cut_corner(mapper: Mapper, pose: Pose, way: list[Position], longest: float,
     return []
 
 
-def nothing_left(useful: int) -> str:
-    """Say why no viewpoint is worth going to; so many still observe frontiers."""
+def nothing_left(mapper: Mapper, status: Status = Status.COMPLETE) -> Plan:
+    """Return the plan of a robot that no viewpoint is worth going to for, with the reason; it can be cut off from some.
+
+    Args:
+        mapper: updated where the robot stands.
+        status: of a robot that is not cut off.
+    """
+    if mapper.cut_off is not None:
+        x, y = mapper.cut_off
+        where = f"from ({x:.1f}, {y:.1f}) m, where the robot came from"
+        return Plan(Status.STUCK, reason=f"more is left to see {where}, but its way back is closed")
+    useful = int(np.count_nonzero(mapper.observe().utility))
     if not useful:
-        return "no reachable viewpoint observes a frontier"
-    return (
-        f"the {useful} viewpoints that still observe frontiers have all been used for a scan: nothing more can be seen "
-        "from them"
-    )
+        return Plan(status, reason="no reachable viewpoint observes a frontier")
+    used = f"the {useful} viewpoints that still observe frontiers have all been used for a scan"
+    return Plan(status, reason=f"{used}: nothing more can be seen from them")

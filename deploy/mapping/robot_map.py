@@ -226,6 +226,7 @@ class RobotMap:
                     self._config.driving.robot_radius,
                 )
             self._writer.write(pose)
+            self._writer.mapper.passed(pose)
             self._writer.mapper.update(pose)
             return self._writer.mapper
 

@@ -118,7 +118,7 @@ def test_an_update_equals_a_new_start(seed, resolution, spacing, radius, noise):
     row, column = rng.choice(places)
     for _ in range(12):
         pose = Pose(float(column + rng.random()) * resolution, float(row + rng.random()) * resolution)
-        pair.mapper.integrate(scan_of(free, resolution, (0.0, 0.0), pose, range_max=6.0, beams=180), pose)
+        pair.mapper.belief.integrate(scan_of(free, resolution, (0.0, 0.0), pose, range_max=6.0, beams=180), pose)
         if noise:
             patch = rng.choice(np.array([-1, 0, 100], dtype=np.int8), tuple(rng.integers(1, ceil(90 * noise) + 1, 2)))
             top, left = (int(rng.integers(0, n - p + 1)) for n, p in zip(free.shape, patch.shape, strict=True))

@@ -202,7 +202,8 @@ def test_equals_the_reference_after_every_step(
                 float(rng.choice([0.0, np.pi / 2, rng.uniform(-4, 4)])),
             )
             scan = random_scan(rng, free, resolution, pose, origin)
-            assert mapper.integrate(scan, pose) == reference.integrate(scan, pose)
+            # Poses jump: they are no track along which the robot could go back.
+            assert mapper.belief.integrate(scan, pose) == reference.integrate(scan, pose)
         pose = (
             Pose(float(origin[0] + rng.uniform(-1, width)), float(origin[1] + rng.uniform(-1, height)))
             if rng.random() < 0.3
@@ -267,7 +268,7 @@ def test_equals_the_reference_on_a_long_walk():
     pose = Pose((column + 0.5) * 0.5, (row + 0.5) * 0.5)
     for _ in range(25):
         scan = scan_of(free, 0.5, (0.0, 0.0), pose, beams=360)
-        mapper.integrate(scan, pose)
+        mapper.belief.integrate(scan, pose)
         reference.integrate(scan, pose)
         mapper.update(pose)
         reference.update(pose)

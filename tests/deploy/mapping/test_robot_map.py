@@ -322,3 +322,19 @@ def test_threads_may_add_and_ask_while_the_map_is_refreshed():
     for thread in threads:
         thread.join()
     assert not errors
+
+
+def test_a_robot_that_came_through_a_gap_too_narrow_by_its_map_goes_back_the_way_it_came():
+    """A nook beside a long room, behind a gap as wide as the robot: from inside, the room is cut off."""
+    free = np.zeros((24, 120), dtype=bool)
+    free[2:12, 2:118] = True
+    free[12, 11:13] = True
+    free[13:20, 8:16] = True
+    robot_map = RobotMap(configure(mapping={"resolution": RESOLUTION, "robot_radius": RESOLUTION + 0.02}))
+    now = 0.0
+    for y in np.arange(6.0, 17.0, 0.5) * RESOLUTION:
+        now = see(robot_map, free, Pose(12.0 * RESOLUTION, float(y)), now, range_max=30 * RESOLUTION)
+        mapper = robot_map.refresh()
+    assert not mapper.segment_free(mapper.way_home()[-1], robot_map.pose.position)
+    assert mapper.position(mapper.robot)[1] < 12 * RESOLUTION
+    assert mapper.observe().beacon.any()
