@@ -9,16 +9,18 @@ from actors.expert import Expert, ExpertLabel
 from actors.maps.grid_map import GridMap
 from actors.protocol import check_way
 from actors.rewards import StepOutcome, step_reward
-from actors.simulators.base import Leg, Simulator
+from actors.simulators.base import Leg, Simulator, Watch
 from actors.step import Step, StepInfo
 from actors.tasks import Goal
 from actors.tasks.coverage import Coverage
 from common.config import ImageScale, MappingConfig, RewardConfig
 from common.errors import ConfigError, HDError, MapError
+from common.geometry import Pose, Scan
 from common.mapping.mapper import Mapper
 from common.messages.experience import End
 from common.observations.observation import Observation
 from common.planners.base import Position
+from common.planners.goals import nothing_to_see
 from common.planners.reference import ReferenceRoute
 
 # Nearer to its viewpoint than this, metres, the robot counts as standing on it.
@@ -66,6 +68,7 @@ class Environment:
         reference: ReferenceRoute | None = None,
         *,
         images: ImageScale | None = None,
+        replans: bool = False,
     ) -> None:
         """Put the parts together.
 
@@ -78,6 +81,8 @@ class Environment:
             expert: privileged expert for labels and for privileged rewards.
             reference: writes the route of a classical planner into each observation, for policies that read it.
             images: draw the belief into each observation at this scale, for policies that read that.
+            replans: on its way to a goal, see `step_to`, the robot stops once nothing is left to see from there; the
+                simulator must take a `Watch`.
 
         Raises:
             ConfigError: a privileged reward without an expert.
@@ -94,6 +99,7 @@ class Environment:
         self._expert = expert
         self._reference = reference
         self._images = images
+        self._replans = replans
         self.end = End.TRUNCATED
         self.reason = ""
         self.corners: list[int] = []
@@ -164,13 +170,15 @@ class Environment:
         self._check_choice(beacon, waypoint)
         return self._advance(self.mapper.way(self.mapper.robot, waypoint))
 
-    def step_to(self, position: Position, via: Sequence[Position] = ()) -> Step:
+    def step_to(self, position: Position, via: Sequence[Position] = (), goal: Position | None = None) -> Step:
         """Drive to a position, sense, and judge the result, as `step` does.
 
         Args:
             position: metres, map frame; at most one longest straight edge of the viewpoint graph (sqrt(5) spacings)
                 away, and the straight segment to it must be known to be free, with room for the robot.
             via: corners on the way there, metres, between which the same holds.
+            goal: what the way leads to, metres; a robot that replans on its way stops once nothing is left to see from
+                there.
 
         Raises:
             HDError: the episode has ended, or the way breaks these rules of the nominal protocol.
@@ -178,10 +186,29 @@ class Environment:
         way = [*via, position]
         self._check_going()
         check_way(self.mapper, self.pose, way, self.mapping.viewpoint_spacing)
-        return self._advance(way)
+        return self._advance(way, self._watch(goal))
 
-    def _advance(self, way: list[Position]) -> Step:
-        """Carry out one decision: drive along a way of straight legs."""
+    def _watch(self, goal: Position | None) -> Watch | None:
+        """Return what takes the scans on the way, and stops the robot once nothing is left to see from its goal.
+
+        None where the robot decides at waypoints alone, or where there was nothing to see from the goal anyway.
+        """
+        mapper, spacing = self.mapper, self.mapping.viewpoint_spacing
+        if goal is None or not self._replans or nothing_to_see(mapper, goal, spacing):
+            return None
+
+        def watch(pose: Pose, scan: Scan) -> bool:
+            began = time.process_time()
+            mapper.integrate(scan, pose)
+            mapper.update(pose)
+            seen = nothing_to_see(mapper, goal, spacing)
+            self.mapping_seconds += time.process_time() - began
+            return seen
+
+        return watch
+
+    def _advance(self, way: list[Position], watch: Watch | None = None) -> Step:
+        """Carry out one decision: drive along a way of straight legs, or until the watch stops the robot."""
         before = self.remaining() if self._reward.privileged else None
         seen = self.mapper.explored_area
         frontier = self.mapper.frontiers_removed
@@ -189,7 +216,7 @@ class Environment:
         travelled, collided = self.distance, self.collisions
         self.mapping_seconds = 0.0
 
-        blocked = not self._drive(way)
+        blocked = not self._drive(way, watch)
         if blocked and self._on_lattice and not self.mapper.stuck:
             self._go_to_viewpoint(self.mapper.observe())
         self._blocked_in_row = self._blocked_in_row + 1 if blocked else 0
@@ -287,7 +314,7 @@ class Environment:
     def _observe(self) -> Observation:
         return self.mapper.observe(image=self._images)
 
-    def _drive(self, way: list[Position]) -> bool:
+    def _drive(self, way: list[Position], watch: Watch | None = None) -> bool:
         """Drive along a way, sensing at its corners and its end; return whether the robot got there.
 
         Where its first leg is not known to be free from where the robot stands, it goes by way of its viewpoint. A task
@@ -302,9 +329,10 @@ class Environment:
         for place in way:
             if self.pose.distance_to(place) == 0.0 and place != way[-1]:
                 continue
-            reached = self._take(self._simulator.drive_to(place))
+            leg = self._simulator.drive_to(place) if watch is None else self._simulator.drive_to(place, watch)
+            reached = self._take(leg) or leg.stopped
             self._look()
-            if not reached or self.goal.complete(self.coverage, self.pose):
+            if not reached or leg.stopped or self.goal.complete(self.coverage, self.pose):
                 break
             if place != way[-1]:
                 self.corners.append(len(self.positions) - 1)

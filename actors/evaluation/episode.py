@@ -95,7 +95,7 @@ def run_episode(
             break
         # Only deciding is limited: driving under physics takes what it takes.
         tell("drive", None)
-        environment.step_to(plan.waypoint, plan.via)
+        environment.step_to(plan.waypoint, plan.via, plan.beacon)
         places.append(Place.of(environment))
         tell("moved", places[-1])
     notes = {name: count for name in COUNTS if (count := getattr(planner, name, None)) is not None}

@@ -62,6 +62,7 @@ class EpisodeRunner:
             make_goal(settings.task),
             RewardConfig(),
             settings.task.max_steps if steps is None else steps,
+            replans=settings.replan == "seen",
         )
 
     def _drive(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -43,6 +43,8 @@ class EvaluationSettings(BaseModel):
         policy: file of the learned planner.
         large: at a large scale, as `hd-eval large` does it: under physics, with a 3D lidar, sensing on the way.
         targets: of a tour, where `large` and the task has targets.
+        replan: when the robot decides again: at its ``waypoints``, or also on its way, where it is ``large``, once
+            nothing is left to see from its goal (``seen``), as the bridge does.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -58,6 +60,7 @@ class EvaluationSettings(BaseModel):
     policy: str | None = None
     large: bool = False
     targets: Annotated[int, Field(ge=1, le=50)] = 5
+    replan: Literal["waypoints", "seen"] = "waypoints"
 
     @model_validator(mode="after")
     def _large_has_physics(self) -> EvaluationSettings:
@@ -79,6 +82,9 @@ class EvaluationSettings(BaseModel):
         values = self.model_dump(mode="json", exclude={"limit", "time_limit", "large"})
         if not self.large:
             del values["targets"]
+        if self.replan == "waypoints":
+            # Results of earlier versions, which knew nothing else, can be continued.
+            del values["replan"]
         return {**values, "policy": self._policy_digest() if planner in LEARNED else None}
 
     def _policy_digest(self) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
-from actors.simulators.base import Leg
+from actors.simulators.base import Leg, Watch
 from actors.simulators.beams import BeamPattern
 from actors.simulators.bullet import pybullet
 from actors.simulators.clearance import nearest_clear
@@ -140,8 +140,8 @@ class DynamicSimulator:
         self._loaded()
         return self._lidar.point_cloud(in_sensor=in_sensor)
 
-    def drive_to(self, waypoint: tuple[float, float]) -> Leg:
-        """Drive along the straight segment to a waypoint and stop there.
+    def drive_to(self, waypoint: tuple[float, float], watch: Watch | None = None) -> Leg:
+        """Drive along the straight segment to a waypoint and stop there, or on the way where the watch says so.
 
         The robot gives up when it has made no way for 1.5 s or when three times the usual duration is over; it then
         stops and backs off from the wall that it touches. It also has arrived when it can come no closer but
@@ -160,20 +160,26 @@ class DynamicSimulator:
         sensed: list[tuple[Pose, Scan]] = []
         travelled = 0.0
         self._collisions = 0
+        stopped = False
         while not tracker.at_goal(pose) and self._time < deadline:
             before = pose
             pose = self.advance(*tracker.command(pose, CONTROL_INTERVAL))
             travelled += before.distance_to(pose.position)
             if self._time >= next_scan - 0.5 * TIME_STEP:
-                sensed.append((pose, self.scan()))
+                scan = self.scan()
                 next_scan += 1.0 / self._config.lidar_rate
+                if watch is None:
+                    sensed.append((pose, scan))
+                elif watch(pose, scan):
+                    stopped = True
+                    break
             if mark.distance_to(pose.position) > _STUCK_DISTANCE or _turned(mark, pose) > 0.1:
                 mark, marked = pose, self._time
             elif self._time - marked > _STUCK_TIME:
                 break
         reached = tracker.at_goal(pose) or pose.distance_to(goal) <= robot.radius
         travelled += self._stop()
-        if not reached:
+        if not (reached or stopped):
             travelled += self._back_off()
         return Leg(
             pose=robot.pose,
@@ -182,6 +188,7 @@ class DynamicSimulator:
             reached=reached,
             collisions=self._collisions,
             sensed=sensed,
+            stopped=stopped and not reached,
         )
 
     def advance(self, speed: float, turn_rate: float) -> Pose:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from actors.maps.grid_map import GridMap
-from actors.simulators.base import Leg
+from actors.simulators.base import Leg, Watch
 from actors.simulators.beams import BeamPattern
 from actors.simulators.segment import follow_segment
 from common.config import SimulatorConfig
@@ -52,8 +52,8 @@ class GridSimulator:
         """Scan from where the robot stands."""
         return self._scan_at(self._pose)
 
-    def drive_to(self, waypoint: tuple[float, float]) -> Leg:
-        """Move along the straight segment to a waypoint; a wall on it stops the robot before it."""
+    def drive_to(self, waypoint: tuple[float, float], watch: Watch | None = None) -> Leg:
+        """Move along the straight segment to a waypoint; a wall on it stops the robot before it, a watch on its way."""
         self._loaded()
         leg = follow_segment(
             self._pose,
@@ -62,6 +62,7 @@ class GridSimulator:
             sense=self._scan_at,
             speed=self._config.speed,
             sense_every=self._config.sense_every,
+            watch=watch,
         )
         self._pose = leg.pose
         return leg

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
-from actors.simulators.base import Leg
+from actors.simulators.base import Leg, Watch
 from actors.simulators.beams import BeamPattern
 from actors.simulators.grid import check_free
 from actors.simulators.lidar import Lidar, free_distance
@@ -82,8 +82,8 @@ class KinematicSimulator:
         self._loaded()
         return self._lidar.point_cloud()
 
-    def drive_to(self, waypoint: tuple[float, float]) -> Leg:
-        """Move along the straight segment to a waypoint; a wall on it stops the robot before it."""
+    def drive_to(self, waypoint: tuple[float, float], watch: Watch | None = None) -> Leg:
+        """Move along the straight segment to a waypoint; a wall on it stops the robot before it, a watch on its way."""
         robot, _ = self._loaded()
         leg = follow_segment(
             self._pose,
@@ -92,6 +92,7 @@ class KinematicSimulator:
             sense=self._scan_at,
             speed=self._config.speed,
             sense_every=self._config.sense_every,
+            watch=watch,
         )
         if self.physics.gui:
             self._show(leg)

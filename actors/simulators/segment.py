@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from actors.simulators.base import Leg
+from actors.simulators.base import Leg, Watch
 from common.errors import SimulatorError
 from common.geometry import Pose, Scan
 
@@ -30,6 +30,7 @@ def follow_segment(
     sense: Callable[[Pose], Scan],
     speed: float,
     sense_every: float | None,
+    watch: Watch | None = None,
 ) -> Leg:
     """Carry a robot from ``start`` to ``waypoint`` and scan on the way.
 
@@ -41,6 +42,7 @@ def follow_segment(
         sense: scans at a pose on the way.
         speed: metres per second, for the duration of the leg.
         sense_every: metres between scans on the way; None for none.
+        watch: takes these scans and may stop the robot; None notes them in the leg.
 
     Returns:
         The leg. A wall on the segment stops the robot `STOP_BEFORE_WALL` before it: ``reached`` is False and no
@@ -60,7 +62,12 @@ def follow_segment(
         stops = math.ceil(travelled / sense_every - 1e-9) - 1
         for k in range(1, stops + 1):
             pose = _along(heading, k * sense_every)
-            sensed.append((pose, sense(pose)))
+            scan = sense(pose)
+            if watch is None:
+                sensed.append((pose, scan))
+            elif watch(pose, scan):
+                travelled = k * sense_every
+                return Leg(pose=pose, distance=travelled, duration=travelled / speed, reached=False, stopped=True)
     return Leg(
         pose=Pose(x, y, yaw) if reached else _along(heading, travelled),
         distance=travelled,

@@ -149,7 +149,9 @@ def lead_to(mapper: Mapper, pose: Pose, stops: list[int], spacing: float) -> Pla
     plan = next_leg(mapper, pose, route, spacing)
     if plan.waypoint is None:
         return Plan(Status.COMPLETE, reason="the robot is at the only viewpoint left to visit")
-    return replace(plan, beacon=mapper.position(stops[0]))
+    useful = mapper.observe().utility
+    goal = next((stop for stop in stops if useful[stop]), stops[0])
+    return replace(plan, beacon=mapper.position(goal))
 
 
 def next_leg(mapper: Mapper, pose: Pose, route: list[int], spacing: float) -> Plan:

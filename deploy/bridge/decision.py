@@ -12,10 +12,11 @@ from common.config import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status
+from common.planners.goals import nothing_to_see
 from deploy.bridge.aim import Aim
 from deploy.bridge.completion import CompletionChecks
 from deploy.bridge.diagnosis import diagnose
-from deploy.bridge.legs import begun_at, drivable, free_in, nothing_to_see
+from deploy.bridge.legs import begun_at, drivable, free_in
 from deploy.bridge.map_source import MapSource
 from deploy.bridge.mission import Mission, Orders, Phase, too_far
 from deploy.bridge.outcome import Course, Outcome

@@ -12,18 +12,6 @@ from common.mapping.mapper import Mapper
 from common.mapping.sight import FREE
 from common.planners.base import Plan, Position
 
-# A viewpoint moves when what is known of its surroundings changes; within this share of the spacing it is the same.
-_SAME_VIEWPOINT = 0.25
-
-
-def nothing_to_see(mapper: Mapper, goal: Position, spacing: float) -> bool:
-    """Whether the viewpoint at a place, metres, observes no frontier any more; False for places that are none."""
-    if mapper.stuck:
-        return False
-    gaps = np.hypot(*(mapper.viewpoints - np.array(goal)).T)
-    node = int(gaps.argmin())
-    return bool(gaps[node] < _SAME_VIEWPOINT * spacing and mapper.observe().utility[node] == 0)
-
 
 def begun_at(mapper: Mapper, pose: Pose, way: Sequence[Position], plan: Plan) -> Plan:
     """Begin a plan with the way to the place that it was made for, where the robot cannot cut the corner.

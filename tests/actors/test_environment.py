@@ -42,7 +42,15 @@ def route_length(positions):
 
 
 def environment(
-    world_task="exploration", *, max_steps=64, reward=None, expert=True, simulator=None, mapping=MAPPING, **task
+    world_task="exploration",
+    *,
+    max_steps=64,
+    reward=None,
+    expert=True,
+    simulator=None,
+    mapping=MAPPING,
+    replans=False,
+    **task,
 ):
     config = TaskConfig(name=world_task, max_steps=max_steps, **{"unseen_area": 1.0, **task})
     return Environment(
@@ -52,6 +60,7 @@ def environment(
         reward or RewardConfig(),
         max_steps,
         make_expert(config, mapping) if expert else None,
+        replans=replans,
     )
 
 
@@ -269,3 +278,26 @@ def test_free_planners_end_by_themselves_or_at_the_step_limit():
         assert env.end is End.NONE
         env.step_to(env.pose.position)
     assert (env.end, env.reason) == (End.TRUNCATED, "step limit")
+
+
+@pytest.mark.parametrize("replans", [False, True])
+def test_a_robot_that_replans_stops_where_nothing_is_left_to_see_from_its_goal(replans):
+    """The end of the corridor is in range long before the robot is at the goal that looks at it."""
+    env = environment(
+        simulator=GridSimulator(SimulatorConfig(name="grid", rays=720, sense_every=0.25), MAPPING.sensor_range),
+        expert=False,
+        unseen_area=0.0,
+        replans=replans,
+    )
+    env.reset(CORRIDOR, seed=0, on_lattice=False)
+    short = 0
+    while env.end is End.NONE:
+        mapper = env.mapper
+        useful = np.flatnonzero(mapper.observe().utility)
+        goal = mapper.position(int(useful[np.argmin(mapper.viewpoints[useful, 0])]))
+        waypoint = (env.pose.x + 4.0, 1.5)
+        env.step_to(waypoint, goal=goal)
+        short += env.pose.position != waypoint
+    assert env.success
+    assert (short > 0) == replans
+    assert env.distance == pytest.approx(env.pose.x - CORRIDOR.start[0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +27,14 @@ from common.system.progress import Steps, tell_of_kernels
 from common.tasks import EXPLORATION, find_task
 
 app = typer.Typer()
+
+
+class Replan(StrEnum):
+    """When the robot decides again."""
+
+    WAYPOINTS = "waypoints"
+    SEEN = "seen"
+
 
 Baseline = Annotated[
     str | None, typer.Option("--baseline", metavar="PLANNER", help="Compare with it: ratio of distances, interval.")
@@ -61,6 +70,10 @@ def large(
             help="The robot's; planners keep 0.02 m more, and 0 is a point. [default: mapping.robot_radius as it is]",
         ),
     ] = None,
+    replan: Annotated[
+        Replan,
+        typer.Option("--replan", help="Decide at waypoints only, or also where nothing is left to see from the goal."),
+    ] = Replan.WAYPOINTS,
     policy: Annotated[
         Path | None, typer.Option("--policy", metavar="FILE", help="Policy (.safetensors) of the planner `hdplanner`.")
     ] = None,
@@ -112,6 +125,7 @@ def large(
         policy=None if policy is None else str(policy.expanduser().resolve()),
         large=True,
         targets=targets,
+        replan=replan.value,
     )
     names = planner_list(planner)
     with Evaluation(settings, names, out, label=label, overwrite=overwrite) as evaluation:

@@ -86,6 +86,16 @@ def test_legs_end_at_their_waypoints_with_scans_at_the_rate_of_the_lidar(make):
     assert max(speeds) == pytest.approx(2.0, rel=0.05)
 
 
+def test_a_watch_takes_the_scans_on_the_way_and_stops_the_robot(make):
+    sim = make(lidar_rate=10.0)
+    sim.reset(hall(), seed=0)
+    leg = sim.drive_to((13.125, 5.125), lambda pose, scan: pose.x > 8.0)
+    assert leg.stopped and not leg.reached and leg.sensed == []
+    # It brakes from 2 m/s.
+    assert 8.0 < leg.pose.x < 10.0
+    assert sim.drive_to((13.125, 5.125)).reached
+
+
 def test_speed_is_the_configured_one(make):
     sim = make(speed=0.5)
     sim.reset(hall(), seed=0)

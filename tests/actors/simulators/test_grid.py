@@ -83,6 +83,18 @@ def test_scans_on_the_way_are_evenly_spaced_and_leave_the_arrival_out(every, cou
         assert np.array_equal(sim.scan().ranges, scan.ranges)
 
 
+def test_a_watch_takes_the_scans_on_the_way_and_stops_the_robot():
+    sim = simulator(sense_every=0.5)
+    sim.reset(hall(), seed=0)
+    seen = []
+    leg = sim.drive_to((9.125, 5.125), lambda pose, scan: bool(seen.append(pose)) or pose.x > 7.0)
+    assert leg.stopped and not leg.reached and leg.sensed == []
+    assert sim.pose.x == leg.pose.x == pytest.approx(7.125)
+    assert leg.distance == pytest.approx(2.0)
+    assert len(seen) == 4
+    assert not sim.drive_to((9.125, 5.125), lambda pose, scan: False).stopped
+
+
 def test_noise_has_the_standard_deviation_that_was_asked_for_and_spares_open_beams():
     sim = GridSimulator(SimulatorConfig(name="grid", range_noise=0.05, rays=3600), 12.0)
     exact = GridSimulator(SimulatorConfig(name="grid", rays=3600), 12.0)

@@ -63,6 +63,19 @@ def test_an_exploration_is_complete_and_counted(exploration):
     assert episode.volume_m3 < 0.5 * 36.0 * 36.0
 
 
+@pytest.mark.slow
+def test_a_robot_that_replans_once_its_goal_is_seen_stops_on_its_way(tmp_path):
+    where = ["--world", SMALL, "--seeds", 1, "--jobs", 1, "--out", tmp_path]
+    result = call("large", "--planner", "tour", "--replan", "seen", *where)
+    assert result.exit_code == 0, result.output
+    results = read_large_results(tmp_path / "tour.json")
+    (episode,) = results.episodes
+    assert episode.success and results.settings["replan"] == "seen"
+    assert call("large-recount", tmp_path).exit_code == 0
+    result = call("large", "--planner", "tour", *where)
+    assert result.exit_code == 1 and "replan" in result.output, "other settings are another run"
+
+
 def test_a_tour_visits_all_targets(tour):
     results = read_large_results(tour / "astar.json")
     (episode,) = results.episodes
