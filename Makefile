@@ -5,6 +5,8 @@ PYTHON ?= $(firstword $(foreach name,python3.11 python3.12 python3.13,$(if $(she
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+# The programs' own packages are there: what kernels are compiled with.
+PACKAGES := $(VENV)/.packages
 # Real ROS 2 as wheels, in an environment beside the other one.
 ROS_VENV := .venv-ros
 ROS_STAMP := $(ROS_VENV)/.installed
@@ -22,18 +24,28 @@ PARALLEL := -n $(JOBS) --dist loadfile --no-loadscope-reorder
 help:  ## show the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
 
-# Bytecode of what processes import, and not of all 240 MB of packages.
-$(STAMP): pyproject.toml constraints.txt
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
+
+$(BIN)/pip:
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt torch
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[dev]'
+
+# In two parts: while the second one is downloaded and unpacked, kernels can be compiled.
+$(PACKAGES): pyproject.toml constraints.txt | $(BIN)/pip
+	$(PIP_INSTALL) torch
+	$(PIP_INSTALL) -e '.[actor,learner,planners,robot]'
+	touch $@
+
+# Not `-e` again, which would take the project away for a moment. Bytecode of what processes import, and not of all
+# 240 MB of packages.
+$(STAMP): $(PACKAGES)
+	$(PIP_INSTALL) 'hdplanner[dev]'
 	$(BIN)/python -c 'import actors.evaluation.worker, deploy.bridge.bridge, learner.process'
 	@$(BIN)/python -c 'import pybullet' 2>/dev/null || echo 'no PyBullet here (it has no wheels from Python 3.12 on): use --sim grid'
 	touch $@
 
 install: $(STAMP)  ## create .venv and install everything into it
 
-kernels: $(STAMP)  ## compile once, in two processes, what actors, learners, planners and robots call
+kernels: $(PACKAGES)  ## compile once, in two processes, what actors, learners, planners and robots call
 	$(BIN)/python scripts/compile_kernels.py
 
 run: $(STAMP)  ## train here: a learner, two PyBullet actors and an evaluator, with a live view (Ctrl-C stops; run again to resume)
@@ -66,14 +78,14 @@ test-all: $(STAMP)  ## the whole test suite, but for the tests that need a brows
 test-page: $(STAMP)  ## the pages in headless Chromium (apt-get install chromium): a simulated robot and a training, real processes
 	$(BIN)/python -m pytest -n 0 -m page
 
-ros-environment: $(STAMP)
+ros-environment: | $(BIN)/pip
 	@if [ $(ROS_STAMP) -ot pyproject.toml ] || [ $(ROS_STAMP) -ot constraints.txt ]; then \
 		status=0; scripts/ros_environment.sh $(PYTHON) $(VENV) $(ROS_VENV) || status=$$?; \
 		if [ "$$status" = 3 ]; then rm -rf $(ROS_VENV); exit 0; fi; \
 		[ "$$status" = 0 ] && touch $(ROS_STAMP); \
 	fi
 
-test-ros: ros-environment  ## the relay against real ROS 2 (rclpy, Fast DDS); skipped with a message where there are no wheels
+test-ros: $(STAMP) ros-environment  ## the relay against real ROS 2 (rclpy, Fast DDS); skipped with a message where there are no wheels
 	@if [ -e $(ROS_STAMP) ]; then $(ROS_VENV)/bin/python -m pytest -n 0 -m 'not slow' tests/deploy/relay; \
 	else echo "test-ros: SKIPPED, the package registry has no ROS 2 for this Python and platform"; fi
 
