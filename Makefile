@@ -73,7 +73,7 @@ check:  ## everything that must pass before a change lands: install, lint, types
 	bash .ci/run
 
 test-all: $(STAMP)  ## the whole test suite, but for the tests that need a browser
-	$(BIN)/python -m pytest $(PARALLEL) -m 'not page'
+	$(BIN)/python -m pytest $(PARALLEL) --hypothesis-profile=thorough -m 'not page'
 
 test-page: $(STAMP)  ## the pages in headless Chromium (apt-get install chromium): a simulated robot and a training, real processes
 	$(BIN)/python -m pytest -n 0 -m page

@@ -64,7 +64,15 @@ PARTS: Final[Mapping[str, Part]] = {
         short={"seconds": 0.1, "specs": [_SMALL_WORLDS], "cases": ["grid, d 64, labels", "pybullet kinematic, d 64"]},
     ),
     "updates": Part(
-        "updates of the learner at batch 64", None, {"repeats": 1, "size": 4, "episodes": 1, "networks": ["small"]}
+        "updates of the learner at batch 64",
+        None,
+        {
+            "repeats": 1,
+            "size": 4,
+            "episodes": 1,
+            "networks": ["small"],
+            "ways": [("bf16_reduced", "bf16", "reduced")],
+        },
     ),
     "device_updates": Part(
         "updates on the learner's device, a GPU where there is one, with the batch prepared beforehand",

@@ -32,7 +32,11 @@ WAYS = (("fp32", "fp32", "full"), ("bf16", "bf16", "full"), ("bf16_reduced", "bf
 
 
 def run(
-    repeats: int = 3, size: int = BATCH, episodes: int = EPISODES, networks: Sequence[str] = tuple(SIZES)
+    repeats: int = 3,
+    size: int = BATCH,
+    episodes: int = EPISODES,
+    networks: Sequence[str] = tuple(SIZES),
+    ways: Sequence[tuple[str, str, str]] = WAYS,
 ) -> dict[str, float]:
     """Return viewpoints in the mean, updates per processor second, and the time of dense over ours.
 
@@ -41,6 +45,7 @@ def run(
         size: transitions of a batch.
         episodes: from which they are drawn.
         networks: names of sizes.
+        ways: name, arithmetic and graph of each.
     """
     torch.set_num_threads(1)
     batch = real_transitions(size, episodes)
@@ -50,7 +55,7 @@ def run(
     for label in networks:
         network = SIZES[label]
         dense = _dense_seconds(network, batch.observations, repeats)
-        for name, precision, graph in WAYS:
+        for name, precision, graph in ways:
             network_here = network.model_copy(update={"graph": graph})
             for stage, cloning in (("sac", 0), ("ppo", 0), ("cloning", 10_000)):
                 config = RunConfig.model_validate(

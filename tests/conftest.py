@@ -5,12 +5,15 @@ import os
 
 from hypothesis import settings
 
+from tests.effort import THOROUGH
+
 # Read when torch is imported, here and in every process that a test starts: networks are small and cores are shared,
 # so the threads of an operation would cost more, in waiting for each other, than they bring.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # Kernels compile in the first example, and machines are shared: an example's time says nothing.
-settings.register_profile("hdplanner", deadline=None)
+for _profile in ("hdplanner", THOROUGH):
+    settings.register_profile(_profile, deadline=None)
 settings.load_profile("hdplanner")
 
 # Tests in which most kernels are compiled, and files of minutes: behind the first, and not left for the end of a
@@ -24,6 +27,8 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_collection_finish():
-    # Thousands of tests and all that they import stay to the end: the garbage collector need not look at them again.
+    # Thousands of tests and all that they import stay to the end: the garbage collector need not look at them again,
+    # and what a test makes is soon gone without it.
     gc.collect()
     gc.freeze()
+    gc.set_threshold(50_000, 20, 20)

@@ -59,7 +59,7 @@ class Extent:
 
 
 LONG: Final = Extent(5, 12.0, 12.0, 5, 20.0, 6.0, 12, 1_000_000, 1_000, 200, 60, 200, 5)
-SHORT: Final = Extent(1, 2.0, 2.0, 1, 1.0, 0.5, 4, 100, 2, 20, 10, 5, 1)
+SHORT: Final = Extent(1, 2.0, 2.0, 1, 1.0, 0.5, 4, 100, 1, 20, 10, 5, 1)
 
 ON_A_RIG: Final[Mapping[str, Callable[[Rig, Extent], Row]]] = {
     "freeze": lambda rig, extent: processes.freeze(rig, extent.frozen),

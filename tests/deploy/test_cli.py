@@ -88,10 +88,10 @@ def test_commands_reach_a_bridge_and_topics_shows_it():
             stopped = run("command", "stop", "--connect", endpoint)
             assert (stopped.exit_code, stopped.stdout[:7]) == (0, "robot: "), stopped.output
             with declare_presence(robot.node.session, "robot", "bridge", "deaf"):
-                half = run("command", "stop", "--connect", endpoint, "--timeout", "2")
+                half = run("command", "stop", "--connect", endpoint, "--timeout", "1")
                 assert half.exit_code == 1
                 assert half.stdout.startswith("robot: ")
-                assert "robot 'robot' did not answer within 2 s (instance deaf): it may still be moving" in half.stderr
+                assert "robot 'robot' did not answer within 1 s (instance deaf): it may still be moving" in half.stderr
                 unclear = run("command", "status", "--connect", endpoint)
                 assert "2 bridges on this network have the name 'robot'" in unclear.stderr
             # On a loaded machine the nodes may find each other later than the command waits for them.

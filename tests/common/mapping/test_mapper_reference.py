@@ -15,8 +15,11 @@ from common.mapping.mapper import Mapper
 from common.observations.observation import STEP_UNITS
 from tests.common.mapping.reference import UNIT, ReferenceMapper, flood
 from tests.common.mapping.worlds import random_world, scan_of
+from tests.effort import examples
 
-SETTINGS = settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+SETTINGS = settings(
+    max_examples=examples(25), deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+)
 
 
 def assert_same(mapper: Mapper, reference: ReferenceMapper) -> None:
@@ -226,7 +229,7 @@ def pose_in(mapper: Mapper, rng: np.random.Generator, fallback: tuple[float, flo
     return Pose(float(x + column * mapper.belief.resolution), float(y + row * mapper.belief.resolution))
 
 
-@settings(SETTINGS, max_examples=15)
+@settings(SETTINGS, max_examples=examples(15))
 @given(
     seed=st.integers(0, 2**32 - 1),
     resolution=st.sampled_from([0.25, 0.5]),

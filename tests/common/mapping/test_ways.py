@@ -13,10 +13,11 @@ from common.errors import MappingError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from tests.common.mapping.worlds import random_world, see_all, small_config
+from tests.effort import examples
 from tests.plans import clear_cells
 
 Position = tuple[float, float]
-SETTINGS = settings(max_examples=25, deadline=None, derandomize=True)
+SETTINGS = settings(max_examples=examples(25), deadline=None, derandomize=True)
 
 
 def test_there_is_no_way_to_the_target_from_a_viewpoint_without_a_link_to_it():

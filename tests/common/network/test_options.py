@@ -21,6 +21,7 @@ from common.observations.index import neighbour_table
 from common.policies.policy_file import read_weights
 from common.policies.shipped import shipped_policy
 from learner.algorithm.augment import SYMMETRIES, transform_observations
+from tests.effort import examples
 from tests.observations import random_batch
 from tests.paths import all_path_lengths
 
@@ -65,7 +66,7 @@ def test_an_option_changes_nothing_at_first_and_can_learn(option: dict[str, obje
 
 
 @each_option
-@settings(max_examples=15)
+@settings(max_examples=examples(15))
 @given(seed=st.integers(0, 2**32 - 1), graph=st.sampled_from(["full", "reduced"]))
 def test_without_torch_it_decides_alike(option: dict[str, object], seed: int, graph: str) -> None:
     config = small(**option, graph=graph)

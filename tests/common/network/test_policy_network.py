@@ -22,6 +22,7 @@ from common.network.parameters import parameter_shapes
 from common.network.segment import segment_sum
 from common.network.state import to_arrays
 from tests.common.network.dense import dense_batch, dense_policy
+from tests.effort import examples
 from tests.observations import random_batch
 
 VARIANTS = ("vanilla", "hierarchical", "hdplanner")
@@ -39,7 +40,7 @@ def gradients(module: torch.nn.Module) -> dict[str, torch.Tensor]:
     return found
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(15), deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     count=st.integers(1, 5),

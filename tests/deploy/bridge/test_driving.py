@@ -29,7 +29,7 @@ def test_it_drives_by_velocities_and_a_pause_is_zero_velocity():
             assert all(velocity == (0.0, 0.0) for _, velocity in robot.velocities)
             start = robot.pose
             robot.say("start")
-            assert eventually(lambda: start.distance_to(robot.pose.position) > 2.0, 60)
+            assert eventually(lambda: start.distance_to(robot.pose.position) > 1.0, 60)
             assert max(linear for _, (linear, _) in robot.velocities) <= config.driving.max_speed + 1e-6
             robot.say("pause")
             assert eventually(lambda: robot.answers[-1]["command"] == "pause")

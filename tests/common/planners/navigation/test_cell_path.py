@@ -12,6 +12,7 @@ from common.mapping.clearance import sweep
 from common.mapping.raycast import SUBCELLS
 from common.planners.navigation.cell_path import cell_path, connected
 from tests.common.planners.clear import clear_space
+from tests.effort import examples
 
 Cells = NDArray[np.int8]
 
@@ -44,7 +45,7 @@ def reference(clear: Cells, start: int, goal: int) -> float:
     return np.inf
 
 
-@settings(max_examples=120)
+@settings(max_examples=examples(120))
 @given(
     seed=st.integers(0, 2**32 - 1),
     rows=st.integers(3, 24),

@@ -13,6 +13,7 @@ from common.planners.navigation.graph_search import NO_WAY, GoalGraph, a_star
 from common.planners.navigation.incremental_search import IncrementalSearch
 from common.planners.navigation.optimistic_graph import OptimisticGraph
 from tests.common.planners.places import shortest
+from tests.effort import examples
 
 Position = tuple[float, float]
 FIELDS = ("x", "y", "pointer", "neighbours", "costs", "goal_costs", "heuristic")
@@ -75,7 +76,7 @@ def check_rules(graph: OptimisticGraph, mapper: Mapper, scanned: set[Position], 
             assert (known_cells[rows, columns] != OCCUPIED).all()
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(seed=st.integers(0, 2**32 - 1), radius=st.sampled_from([0.0, 0.5, 0.8]))
 def test_the_graph_follows_the_belief_and_both_searches_agree(seed: int, radius: float) -> None:
     random = np.random.default_rng(seed)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from common.mapping.raycast import SUBCELLS
 from common.mapping.sight import FREE, OCCUPIED
 from common.planners.navigation.visibility_graph import VisibilityGraph
+from tests.effort import examples
 
 Cells = np.ndarray
 
@@ -61,7 +62,7 @@ def test_gaps_between_single_returns_are_no_way_through_for_vertices() -> None:
     assert len(graph.corners) == 4
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     boxes=st.lists(
@@ -120,7 +121,7 @@ def lattice_length(cells: Cells, start: tuple[int, int], goal: tuple[int, int]) 
     return np.inf
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_paths_are_about_as_short_as_they_can_be(seed: int) -> None:
     """Never longer than eight directions make them, but for the cell of room beside each obstacle."""
