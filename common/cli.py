@@ -7,7 +7,6 @@ import functools
 import io
 import sys
 from collections.abc import Callable
-from importlib.metadata import PackageNotFoundError, version
 from typing import Annotated, Any, Final, ParamSpec, TypeVar
 
 import typer
@@ -104,6 +103,9 @@ def command_errors(function: Callable[P, R]) -> Callable[P, R]:
 
 def version_text() -> str:
     """Return what ``--version`` prints."""
+    # It brings a parser of e-mails, which help does not need.
+    from importlib.metadata import PackageNotFoundError, version
+
     try:
         return f"hdplanner {version('hdplanner')}"
     except PackageNotFoundError:

@@ -8,12 +8,14 @@ import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 from urllib.parse import unquote, urlsplit
 
 from common.errors import ConfigError
+
+if TYPE_CHECKING:
+    from importlib.metadata import Distribution
 
 PROJECT: Final = "hdplanner"
 
@@ -83,12 +85,9 @@ def extras_with(package: str, first: str | None = None) -> tuple[str, ...]:
         package: name under which it is installed.
         first: extra to put first where it is among them.
     """
-    try:
-        requirements = distribution(PROJECT).requires or []
-    except PackageNotFoundError:
-        return ()
+    installed = _installed()
     found = []
-    for requirement in requirements:
+    for requirement in (installed.requires if installed else None) or ():
         name = re.match(r"[\w.-]+", requirement)
         extra = re.search(r"extra == [\"']([\w-]+)[\"']", requirement)
         if name and extra and name[0].lower() == package.lower() and extra[1] not in _GATHERING:
@@ -109,12 +108,21 @@ def install_command(*extras: str) -> str:
     return f"{_pip()} install {options}'{source}{wanted}'"
 
 
+def _installed() -> Distribution | None:
+    """Return the metadata of this installation, None where it has none."""
+    # It brings a parser of e-mails, which help does not need.
+    from importlib.metadata import PackageNotFoundError, distribution
+
+    try:
+        return distribution(PROJECT)
+    except PackageNotFoundError:
+        return None
+
+
 def _source() -> tuple[str | None, str]:
     """Return where this installation came from, None where that is gone or unknown, and the options of pip."""
-    try:
-        noted = distribution(PROJECT).read_text("direct_url.json")
-    except PackageNotFoundError:
-        noted = None
+    installed = _installed()
+    noted = installed.read_text("direct_url.json") if installed else None
     if noted is None:
         return None, ""
     origin = json.loads(noted)

@@ -9,7 +9,6 @@ from importlib.metadata import PackageNotFoundError
 
 import pytest
 
-from common.system import extras
 from common.system.extras import MissingPackageError, extras_with, install_command, optional
 
 # All that the extras bring, by the names under which they are imported.
@@ -133,7 +132,7 @@ class Installed:
 
 
 def test_the_extra_is_found_in_the_metadata_and_a_wanted_one_comes_first(monkeypatch):
-    monkeypatch.setattr(extras, "distribution", lambda name: Installed(None))
+    monkeypatch.setattr("importlib.metadata.distribution", lambda name: Installed(None))
     assert extras_with("torch") == ("actor", "learner")
     assert extras_with("torch", "learner") == ("learner", "actor")
     assert extras_with("numpy") == ()
@@ -149,7 +148,7 @@ def test_the_command_names_the_checkout_or_the_wheel(monkeypatch, tmp_path):
         ({"url": (tmp_path / "gone.whl").as_uri()}, "'.[robot,plots]' in the checkout (or 'FILE.whl[robot,plots]'"),
         (None, "'.[robot,plots]' in the checkout"),
     ):
-        monkeypatch.setattr(extras, "distribution", lambda name, origin=origin: Installed(origin))
+        monkeypatch.setattr("importlib.metadata.distribution", lambda name, origin=origin: Installed(origin))
         assert words in install_command("robot", "plots")
 
 
@@ -157,7 +156,7 @@ def test_without_metadata_the_command_still_says_what_to_do(monkeypatch):
     def missing(name: str) -> Installed:
         raise PackageNotFoundError(name)
 
-    monkeypatch.setattr(extras, "distribution", missing)
+    monkeypatch.setattr("importlib.metadata.distribution", missing)
     assert "'.[robot]' in the checkout" in install_command("robot")
 
 
