@@ -178,7 +178,7 @@ class LearnedPlanner:
             self._depth = Depth(
                 self._config,
                 known_scale=not self._leaves_all(self.card),
-                same_spacing=self._config.viewpoint_spacing == self.card.mapping.viewpoint_spacing,
+                trained=self.card.mapping,
                 explores=self._exploring,
             )
             kind = find_task(task)

@@ -35,12 +35,15 @@ def of_known_scale(card: PolicyCard, config: MappingConfig) -> bool:
     """Whether cells are as large, and viewpoints as far apart for the sensor's range, as a policy knows them.
 
     Finer cells give it more frontier cells at each viewpoint, and another spacing a wider or more finely divided graph,
-    than it ever saw. Nor does the sensor reach much less far: the same blocks then hide more.
+    than it ever saw. Nor does the sensor reach much less far: the same blocks then hide more. One that reaches farther
+    may have viewpoints as far apart as in training.
     """
     low, high = card.ranges.get("resolution", (card.mapping.resolution, card.mapping.resolution))
     trained, _ = card.ranges.get("sensor_range", (card.mapping.sensor_range, card.mapping.sensor_range))
     far_enough = config.sensor_range >= SHORTEST_RANGE * trained
-    return low <= config.resolution <= high and far_enough and _spacing_fits(card, config)
+    usual = card.mapping.viewpoint_spacing
+    fits = _spacing_fits(card, config) or usual <= config.viewpoint_spacing <= _spacing(card.mapping, config)
+    return low <= config.resolution <= high and far_enough and fits
 
 
 def _differences(card: PolicyCard, config: MappingConfig) -> list[str]:
