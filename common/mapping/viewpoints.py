@@ -229,19 +229,32 @@ class ViewpointGraph:
         """
         p = self.pieces[piece]
         square, label = int(p["square"]), int(p["label"])
-        before, after = self._way_in(start), self._way_in(goal)
+        before, after = self._way_in(piece, start), self._way_in(piece, goal)
         corners = way_inside(self.cells, self.layout, square, label, square, label, before[-1], after[-1])
         return np.array([*before[:-1], *corners.tolist(), *after[-2::-1]], dtype=np.int64)
 
-    def _way_in(self, point: tuple[int, int]) -> list[tuple[int, int]]:
-        """Return the corners of the way from a point into clear space, both included: the point alone if it lies there.
+    def _way_in(self, piece: int, point: tuple[int, int]) -> list[tuple[int, int]]:
+        """Return the corners of the way from a point into its piece, both included: the point alone if it lies there.
 
         It comes no nearer to obstacles than the point is, if there is such a way.
         """
         cells = self.cells
-        if cells.labels[(point[1] >> SUBCELL_BITS) * cells.width + (point[0] >> SUBCELL_BITS)]:
+        x, y = point[0] >> SUBCELL_BITS, point[1] >> SUBCELL_BITS
+        if self._holds(piece, x, y):
             return [point]
+        # On the border of cells it belongs to the first of them, see `cell_for`, which may be of another square.
+        x, y = (point[0] - 1) >> SUBCELL_BITS, (point[1] - 1) >> SUBCELL_BITS
+        if self._holds(piece, x, y):
+            return [point, cell_middle(y * cells.width + x, cells.width)]
         return [point, *(cell_middle(cell, cells.width) for cell in way_out(cells, *point, self._clear_reach).tolist())]
+
+    def _holds(self, piece: int, x: int, y: int) -> bool:
+        """Whether a cell, column x and row y, is of a piece."""
+        p, layout = self.pieces[piece], self.layout
+        j, i = divmod(int(p["square"]), len(layout.x))
+        rows, columns = layout.row_begin[j : j + 2], layout.column_begin[i : i + 2]
+        in_square = rows[0] <= y < rows[1] and columns[0] <= x < columns[1]
+        return bool(in_square and self.cells.labels[y * self.cells.width + x] == p["label"])
 
     def _release(self) -> None:
         """Give the numbers of pieces that ended with the update before to new ones: until now they told what ended."""

@@ -145,6 +145,29 @@ def test_the_way_home_comes_no_nearer_to_anything_than_the_robot_is(seed, resolu
             assert all(space_along(free, resolution, *leg, radius) >= keep for leg in legs_of((x, y), way))
 
 
+def test_the_way_home_from_the_border_of_two_squares_leads_through_one_of_them() -> None:
+    """A robot there may stand in the piece of the other square than the cell above and right of it."""
+    rng = np.random.default_rng(1)
+    config = MappingConfig(resolution=0.25, sensor_range=5.0, viewpoint_spacing=2.0, robot_radius=0.25)
+    bent = 0
+    for _ in range(6):
+        free = random_world(rng, 40, 50)
+        mapper = Mapper(config, lattice_origin=(1.0, 1.0), bounds=(0.0, 0.0, 12.5, 10.0))
+        see_all(mapper, free, Pose(1.0, 1.0))
+        clear = clear_cells(free, 0.25, 0.25)
+        for row, column in np.ndindex(4, 6):
+            # Corners of cells, where four squares meet; all of the cells around must be clear.
+            y, x = 2.0 * (row + 1), 2.0 * (column + 1)
+            cells = np.s_[int(4 * y) - 1 : int(4 * y) + 1, int(4 * x) - 1 : int(4 * x) + 1]
+            if not clear[cells].all():
+                continue
+            mapper.update(Pose(x, y))
+            way = mapper.way_home()
+            bent += len(way) > 1
+            assert all(space_along(free, 0.25, *leg, 0.25) >= 0.25 - 1e-3 for leg in legs_of((x, y), way))
+    assert bent
+
+
 @SETTINGS
 @given(
     seed=st.integers(0, 2**32 - 1),
