@@ -43,6 +43,8 @@ class Task:
             `actors.tasks.Goal`. Or its MODULE:NAME, so that a robot need not import it.
         expert: privileged expert for imitation and for privileged rewards; called with a `TaskConfig` and a
             `MappingConfig`, it returns an `actors.expert.Expert`. Or its MODULE:NAME, or None where there is none.
+        with_radius: classical planner that decides instead of `reference` and `in_the_open`, where a shipped policy
+            does not, for a robot that has a radius; those two when not given.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Task:
     fallback: str
     goal: str | Callable[..., Any]
     expert: str | Callable[..., Any] | None = None
+    with_radius: str | None = None
 
     def __post_init__(self) -> None:
         """Raise ConfigError for a name that cannot be part of a file name or of a report."""
@@ -117,6 +120,8 @@ NAVIGATION: Final = Task(
     fallback="astar",
     goal="actors.tasks.navigation:NavigationGoal",
     expert="actors.expert.navigation:make_expert",
+    # Its ways bend at corners instead of viewpoints. Without a radius they lead along walls (docs/large_scale.md).
+    with_radius="far",
 )
 
 BOTH: Final = (EXPLORATION, NAVIGATION)

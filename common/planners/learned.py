@@ -30,7 +30,7 @@ from common.planners.visited_places import PlacesSinceGain
 from common.policies.policy import Policy
 from common.policies.policy_file import PolicyCard, read_policy
 from common.policies.shipped import shipped_policy, shipped_tasks
-from common.tasks import EXPLORATION, find_task
+from common.tasks import EXPLORATION, Task, find_task
 
 log = logging.getLogger(__name__)
 
@@ -66,7 +66,8 @@ class LearnedPlanner:
 
     A guard stands before the shipped policies, which were trained on block maps: in worlds of another kind, with cells
     or viewpoints of another scale, and once the policy dithers (see `Depth`), a classical planner decides: `tour` in
-    exploration, D* Lite in navigation. In forests the policy explores too, and gives way to `greedy` if it dithers.
+    exploration; in navigation FAR, or D* Lite for a robot without a radius. In forests the policy explores too, and
+    gives way to `greedy` if it dithers.
     Policies of one's own have no guard.
 
     Rule and guard are no part of the paper, so their decisions are counted, and `hdplanner-bare` is the network without
@@ -95,6 +96,7 @@ class LearnedPlanner:
     _beacon: Position | None
     _reference: ReferenceRoute | None
     _depth: Depth | None
+    _decider: Decider
     _classical: dict[Decider, Planner]
 
     def __init__(
@@ -183,19 +185,21 @@ class LearnedPlanner:
             )
             kind = find_task(task)
             for decider in (Decider.REFERENCE, Decider.IN_THE_OPEN):
-                name = getattr(kind, decider.value)
+                name = self._deputy(kind, decider)
                 planner = self._classical[decider] = make_planner(name, self.mapping_for(task))
                 planner.reset(kind.asked_of(name, planner.tasks), target, 0)
 
     def plan(self, mapper: Mapper, pose: Pose) -> Plan:
         """Decide; the mapper has taken in the newest scan and was updated at this pose."""
-        if self._depth is not None and not mapper.stuck:
-            decider = self._depth.decider(mapper, self.rule_applied)
-            if decider is not Decider.POLICY:
+        if self._depth is not None:
+            if not mapper.stuck:
+                self._decider = self._depth.decider(mapper, self.rule_applied)
+            # Off the graph the same one goes on: FAR needs no viewpoint.
+            if self._decider is not Decider.POLICY:
                 self.guarded += 1
-                self.guarded_by = self._classical[decider].name
+                self.guarded_by = self._classical[self._decider].name
                 self.attention = None
-                return self._classical[decider].plan(mapper, pose)
+                return self._classical[self._decider].plan(mapper, pose)
         self.guarded_by = ""
         end = self._end(mapper, pose)
         if end is not None:
@@ -290,7 +294,7 @@ class LearnedPlanner:
             if self._leaves_all(card):
                 log.info(
                     "cells, viewpoints or sensor differ in scale from the training of the shipped policy: %s decides",
-                    find_task(task).reference,
+                    self._deputy(find_task(task), Decider.REFERENCE),
                 )
             else:
                 warn_of_other_mapping(card, self._config)
@@ -299,6 +303,12 @@ class LearnedPlanner:
     def _guards(self, card: PolicyCard) -> bool:
         """Whether a guard stands before a policy; one that reads the classical planner's route has that with it."""
         return self._shipped and self._end_cycles and card.network.features != "guided"
+
+    def _deputy(self, kind: Task, decider: Decider) -> str:
+        """Return the name of the classical planner of the guard."""
+        own = kind.with_radius if self._config.robot_radius > 0.0 else None
+        name: str = own or getattr(kind, decider.value)
+        return name
 
     def _leaves_all(self, card: PolicyCard) -> bool:
         """Whether the guard leaves every decision to the classical planner, whatever the world."""
@@ -311,6 +321,7 @@ class LearnedPlanner:
         self._exploring = True
         self._reference = None
         self._depth = None
+        self._decider = Decider.POLICY
         self._classical = {}
         self.guarded = 0
         self.guarded_by = ""
