@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import pi
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,11 @@ from common.system.jit import njit
 from deploy.config import SensingConfig
 from deploy.mapping.log_odds import Beams
 from deploy.mapping.transforms import Transform
+
+FAR: Final = (50.0, 100.0)
+"""Twentieth and median of the distances of a cloud's points from which on they are no metres."""
+# Points of a cloud that are looked at for that.
+_LOOKED_AT: Final = 500
 
 
 @njit(cache=True, nogil=True)
@@ -116,3 +122,40 @@ def project(
     ranges = np.where(hits, nearest, np.where(cleared > 0.0, cleared, np.nan))
     width = 2.0 * pi / config.beams
     return Beams(ranges.astype(np.float32), hits, -pi + width / 2.0, width)
+
+
+def problem(
+    points: NDArray[np.float32],
+    map_from_points: Transform,
+    sensor: tuple[float, float, float],
+    floor: float,
+    height: float,
+) -> tuple[str, str]:
+    """Look whether the points of a cloud can be metres, and whether any is low enough to count.
+
+    Args:
+        points: as for `project`, at least one.
+        map_from_points: likewise.
+        sensor: likewise.
+        floor: likewise.
+        height: that up to which points count, metres above the floor.
+
+    Returns:
+        What is wrong in a word or two and in a sentence; both empty when nothing is.
+    """
+    some = points[:: len(points) // _LOOKED_AT + 1, :3]
+    placed = map_from_points.apply(some.astype(np.float64))
+    distances = np.hypot(placed[:, 0] - sensor[0], placed[:, 1] - sensor[1])
+    near, median = (float(number) for number in np.quantile(distances, (0.05, 0.5)))
+    if near > FAR[0] and median > FAR[1]:
+        return "cloud too far", (
+            f"the points of a cloud must be metres in the frame of its header: half of {len(points)} points are more "
+            f"than {median:.0f} m from the lidar: are they millimetres, or in another frame?"
+        )
+    lowest = float(placed[:, 2].min()) - floor
+    if lowest > height:
+        return "cloud too high", (
+            f"the lowest point of a cloud is {lowest:.1f} m above the floor, and only points up to sensing.height_max "
+            f"({height:g} m) count: check sensing.sensor_height, and the height of the cloud's frame"
+        )
+    return "", ""

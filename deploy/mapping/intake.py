@@ -15,6 +15,7 @@ from common.errors import MappingError
 from common.geometry import Pose, Scan
 from deploy.config import SensingConfig
 from deploy.mapping.cloud import checked_points, project
+from deploy.mapping.cloud import problem as cloud_problem
 from deploy.mapping.frames import Frames, plain
 from deploy.mapping.log_odds import Beams
 from deploy.mapping.placing import NoPlaceError, Placed, Placing, planar_scan
@@ -99,6 +100,8 @@ class Intake:
         self._given_up: set[str] = set()
         self._noted: set[str] = set()
         self._orders: dict[str, StampOrder] = {}
+        self._connected = False
+        self._first_clock = float("inf")
         self.received = 0
         self.dropped: Counter[str] = Counter()
         self.problem = ""
@@ -160,6 +163,12 @@ class Intake:
                 if self._ordered(f"transform of {child}", time) is Order.SET_BACK:
                     self._tree.add(time, parent, child, translation, rotation)
                 self._tick(time)
+        if self._by_tf and not self._connected:
+            self._connected = self._placing.newest_pose is not None
+            if np.isfinite(self._clock):
+                self._first_clock = min(self._first_clock, self._clock)
+                if not self._connected and self._clock - self._first_clock > FRAME_PATIENCE:
+                    self.note(self._no_pose())
 
     def add_scan(self, time: float, scan: Scan, frame: str) -> None:
         """Add a scan."""
@@ -238,7 +247,17 @@ class Intake:
         self._waiting.append(message)
         if len(self._waiting) > MAX_WAITING:
             self._waiting.popleft()
-            self.drop("queue full", f"more than {MAX_WAITING} messages wait for a pose: check that poses arrive")
+            self.drop("queue full", f"more than {MAX_WAITING} messages wait for a pose: {self._no_pose()}")
+
+    def _no_pose(self) -> str:
+        """Say what to do where no pose arrives, naming what lacks in TF."""
+        names = self._names
+        if not self._by_tf or self._placing.newest_pose is not None:
+            return "check that poses arrive"
+        return (
+            f"{self._tree.gap(names.map, names.base)}: start the localisation or SLAM that publishes it, or set "
+            "frames.map and frames.base to frames of TF"
+        )
 
     def _ordered(self, stream: str, time: float) -> Order:
         """Take in a stamp of a stream; when the clock was set back, forget all that was stamped before."""
@@ -291,6 +310,13 @@ class Intake:
         if isinstance(message.data, Scan):
             beams, pose = planar_scan(message.data, placed.base, placed.mount, sensing.range_min, self._range_max)
         else:
+            if len(message.data):
+                reason, problem = cloud_problem(
+                    message.data, transform, sensor.translation, placed.floor, sensing.height_max
+                )
+                if reason:
+                    self.drop(reason, problem)
+                    return
             beams = project(message.data, transform, sensor.translation, placed.floor, sensing, self._range_max)
             pose = Pose(sensor.translation[0], sensor.translation[1])
             self.volume.add(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, remainder
+from math import acos, degrees, pi, remainder
 from typing import Final
 
 import numpy as np
@@ -21,6 +21,9 @@ from deploy.network_config import FramesConfig
 _HEIGHT_OFF: Final = 0.4
 # The same for its place on the base, metres and radians.
 _PLACE_OFF: Final = 0.1
+# A scan whose plane is tilted further on the robot shows floor and ceiling, degrees; a little less is worth a word.
+_STEEPEST: Final = 30.0
+_LEVEL: Final = 5.0
 
 
 class NoPlaceError(MappingError):
@@ -99,6 +102,8 @@ class Placing:
                 f"a scan is in the frame {frame!r}, which does not move with {self._base!r}: a scan's frame is that of "
                 "its lidar, correct the driver",
             )
+        if is_scan and place is not None and place.on_base is not None:
+            note = self._tilt_note(frame, place.on_base)
         base, floor = self._base_at(time)
         height = self._sensing.sensor_height
         in_base = frame == self._base
@@ -110,7 +115,7 @@ class Placing:
             in_map = None if place is None else place.in_map
             data = in_map if in_map is not None else base if in_base else base @ above
             return Placed(base, above, data, floor, note)
-        note = self._offset_note(frame, mount) or ("" if is_scan else self._height_note(frame, mount))
+        note = note or self._offset_note(frame, mount) or ("" if is_scan else self._height_note(frame, mount))
         if self._by_tf:
             floor = (base @ mount).translation[2] - height
         else:
@@ -118,6 +123,23 @@ class Placing:
             x, y, _ = base.translation
             base = Transform((x, y, floor + height - mount.translation[2]), base.rotation)
         return Placed(base, mount, base @ mount, floor, note)
+
+    def _tilt_note(self, frame: str, mount: Transform) -> str:
+        """Return what to say of a scan whose plane is not level on the robot.
+
+        Raises:
+            NoPlaceError: it is so steep that its beams do not tell where walls are.
+        """
+        # Upside down is level, too.
+        tilt = degrees(acos(min(abs(float(mount.matrix()[2, 2])), 1.0)))
+        what = f"a scan is in the frame {frame!r}, whose plane is tilted by {tilt:.0f} degrees on {self._base!r}"
+        if tilt > _STEEPEST:
+            raise NoPlaceError(
+                "scan not level",
+                f"{what}: the x axis of a scan's frame points forwards and its z axis up or down; name the lidar's own "
+                "frame and not an optical one, or correct its transform",
+            )
+        return f"{what}: far beams hit the floor, level the lidar or correct its transform" if tilt > _LEVEL else ""
 
     def _offset_note(self, frame: str, mount: Transform) -> str:
         """Return what to say where TF and the configuration disagree about the place of a sensor."""

@@ -114,6 +114,12 @@ def strangeness(cells: NDArray[np.int8], config: SensingConfig) -> str:
         )
     if not (known <= config.grid_free).any():
         return f"no value of the OccupancyGrid is at most grid_free ({config.grid_free}): nothing is free"
+    highest = int(known.max())
+    if 0 < highest <= config.grid_free:
+        return (
+            f"the OccupancyGrid's highest value is {highest}, at most grid_free ({config.grid_free}), so nothing is an "
+            "obstacle: publish 100 for walls, or adjust sensing.grid_free and sensing.grid_occupied"
+        )
     return ""
 
 

@@ -24,6 +24,8 @@ Quaternion = tuple[float, float, float, float]
 MAX_TRANSLATION: Final = 1e8
 # A quaternion whose length is off by more than this is no rotation that was rounded, but a mistake.
 LENGTH_TOLERANCE: Final = 0.1
+# Frames that a message names at most.
+_SHOWN: Final = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,6 +230,20 @@ class TransformTree:
         """
         path = self._path(frame.lstrip("/"), base.lstrip("/"))
         return None if path is None else self._first_moving(path[0]) is not None
+
+    def gap(self, target: str, source: str) -> str:
+        """Say what is lacking between two frames that are not connected, one line without a remedy."""
+        target, source = target.lstrip("/"), source.lstrip("/")
+        for frame in (source, target):
+            if not self.knows(frame):
+                names = sorted({*self._links, *(link.parent for link in self._links.values())})
+                more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+                return f"TF has no frame {frame!r} but {', '.join(repr(name) for name in names[:_SHOWN])}{more}"
+        tops = [source, target]
+        for number in range(len(tops)):
+            while tops[number] in self._links:
+                tops[number] = self._links[tops[number]].parent
+        return f"TF leads from {source!r} up to {tops[0]!r}, and from {target!r} up to {tops[1]!r}, without a link"
 
     def newest(self, target: str, source: str) -> float | None:
         """Return the newest stamp of the first moving link above the source.

@@ -32,6 +32,10 @@ MAX_ANGLE = 4.0 * math.pi
 """Greater angles of a scan are refused, radians: they are degrees."""
 RESOLUTIONS = (1e-3, 1e2)
 """Smallest and largest cell of an occupancy grid, metres."""
+NEAREST_LIMIT = 10.0
+"""A scan with a greater range_min is refused, metres: it is in millimetres."""
+LENGTH_TOLERANCE = 0.1
+"""A quaternion whose length is off from 1 by more is no rotation that was rounded, but a mistake, as in TF."""
 
 
 def scan_from(scan: Message) -> Scan:
@@ -40,7 +44,8 @@ def scan_from(scan: Message) -> Scan:
     A range_max of infinity, which pointcloud_to_laserscan sends where no limit is set, is the largest float32.
 
     Raises:
-        RosError: when the angles or ranges are not finite or not increasing limits, or there are too many beams.
+        RosError: when the angles or ranges are not finite or not increasing limits, angles are in degrees, limits in
+            millimetres, or there are too many beams.
     """
     range_max = min(scan.range_max, float(np.finfo(np.float32).max))
     numbers = (scan.angle_min, scan.angle_increment, scan.range_min, range_max)
@@ -48,6 +53,11 @@ def scan_from(scan: Message) -> Scan:
         raise RosError(f"a LaserScan needs finite angles and range limits and an increment, got {numbers}")
     if not 0.0 <= scan.range_min < range_max:
         raise RosError(f"a LaserScan's range_min {scan.range_min} must be below its range_max {scan.range_max}")
+    if scan.range_min > NEAREST_LIMIT:
+        raise RosError(
+            f"a LaserScan's ranges must be metres, got range_min {scan.range_min:g} and range_max "
+            f"{scan.range_max:g}: are they millimetres?"
+        )
     if max(abs(scan.angle_min), abs(scan.angle_increment)) > MAX_ANGLE:
         raise RosError(
             f"a LaserScan's angles must be radians, got angle_min {scan.angle_min:g} and angle_increment "
@@ -92,12 +102,16 @@ def yaw_of(rotation: Message) -> float:
     """Return the yaw of a Quaternion message, radians.
 
     Raises:
-        RosError: when it is no rotation: not finite, or zero.
+        RosError: when it is no rotation: not finite, or its length is off from 1 by more than `LENGTH_TOLERANCE`.
     """
     x, y, z, w = rotation.x, rotation.y, rotation.z, rotation.w
     norm = x * x + y * y + z * z + w * w
-    if not math.isfinite(norm) or norm < 1e-6:
-        raise RosError(f"a rotation must be a quaternion of length 1, got ({x}, {y}, {z}, {w})")
+    # Written so that NaN is not within.
+    if not abs(math.sqrt(norm) - 1.0) <= LENGTH_TOLERANCE:
+        raise RosError(
+            f"a rotation must be a quaternion of length 1, got ({x}, {y}, {z}, {w}): a yaw in radians is "
+            "(0, 0, sin(yaw / 2), cos(yaw / 2))"
+        )
     return math.atan2(2.0 * (w * z + x * y), norm - 2.0 * (y * y + z * z))
 
 
@@ -122,12 +136,20 @@ def pose_from(odometry: Message) -> tuple[float, Pose, tuple[float, float]]:
 
 
 def pose_from_stamped(stamped: Message) -> tuple[float, Pose]:
-    """Return stamp (s) and pose of a PoseStamped; its rotation may be left out (0, 0, 0, 0), as goals often do.
+    """Return stamp (s) and pose of a PoseStamped that is a goal.
+
+    A goal is a place: where its rotation is none, left out (0, 0, 0, 0) or not of length 1, the yaw is 0.
 
     Raises:
-        RosError: when the pose is not finite.
+        RosError: when the position is not finite.
     """
-    return seconds(stamped.header.stamp), _pose(stamped.pose, may_be_unset=True)
+    position = stamped.pose.position
+    _check_metres("a position", position.x, position.y, position.z)
+    try:
+        yaw = yaw_of(stamped.pose.orientation)
+    except RosError:
+        yaw = 0.0
+    return seconds(stamped.header.stamp), Pose(position.x, position.y, yaw)
 
 
 def position_from(stamped: Message) -> tuple[float, Position]:
@@ -203,7 +225,7 @@ def grid_from(grid: Message) -> tuple[NDArray[np.int8], float, tuple[float, floa
     The origin's rotation may be left out (0, 0, 0, 0): then the map is not turned, as for RViz and nav2.
 
     Raises:
-        RosError: when the size does not fit the cells, or the resolution is not positive.
+        RosError: when the size does not fit the cells, the resolution is not positive, or the origin is no pose.
     """
     info = grid.info
     if not RESOLUTIONS[0] <= info.resolution <= RESOLUTIONS[1]:

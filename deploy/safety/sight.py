@@ -25,6 +25,11 @@ _CORRECTION: Final = 0.05
 _FASTEST_TURN: Final = 2.0 * pi
 _CORRECTED_TURN: Final = 0.1
 _FEWEST_POINTS: Final = 30
+# Ranges are not in metres where those of most beams differ, and twentieth and median lie so far out: both as multiples
+# of the scan's own range_max, or both in metres. Markers of drivers for nothing met are few different numbers.
+_FEWEST_NUMBERS: Final = 8
+_TIMES_RANGE_MAX: Final = (1.0, 10.0)
+_METRES: Final = (50.0, 100.0)
 
 
 class Sight:
@@ -55,6 +60,7 @@ class Sight:
         """
         return (
             _angle_fault(message, scan)
+            or _unit_fault(scan)
             or self._blind(scan)
             or self._frozen(scan.ranges, bool(np.isfinite(scan.ranges).any()), pose, now)
         )
@@ -134,4 +140,21 @@ def _angle_fault(message: Message, scan: Scan) -> Fault | None:
         FaultKind.SENSOR_INVALID,
         f"the angles of the scan contradict each other: {count} beams of {step:.6g} rad span {spanned:.4g} rad, but "
         f"angle_min and angle_max are {told:.4g} rad apart (at most 2 pi; radians, not degrees)",
+    )
+
+
+def _unit_fault(scan: Scan) -> Fault | None:
+    """Look whether the ranges can be metres: millimetres are all beyond what counts, and the room would be free."""
+    told = scan.ranges[np.isfinite(scan.ranges) & (scan.ranges > 0.0)]
+    if 2 * len(told) <= len(scan.ranges):
+        return None
+    near, median = (float(number) for number in np.quantile(told, (0.05, 0.5)))
+    limits = tuple(times * scan.range_max for times in _TIMES_RANGE_MAX)
+    far = any(near > least and median > middle for least, middle in (limits, _METRES))
+    if not far or len(np.unique(told)) < _FEWEST_NUMBERS:
+        return None
+    return Fault(
+        FaultKind.SENSOR_INVALID,
+        f"the ranges of the scan must be metres: {len(told)} of {len(scan.ranges)} beams have a median of {median:g}, "
+        f"its range_max is {scan.range_max:g}: are they millimetres?",
     )

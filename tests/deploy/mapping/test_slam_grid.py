@@ -30,6 +30,8 @@ def test_strange_maps_are_told():
     assert "thresholds" not in strangeness(np.full((3, 3), -1, dtype=np.int8), SENSING)
     assert "neither" in strangeness(np.array([[0, 100, 120]], dtype=np.int8), SENSING)
     assert "grid_free" in strangeness(np.array([[0, 50, 50, 50]], dtype=np.int8), SENSING)
+    assert "nothing is an obstacle" in strangeness(np.array([[0, 0, 10, -1]], dtype=np.int8), SENSING)
+    assert strangeness(np.array([[0, 0, -1]], dtype=np.int8), SENSING) == "", "an open field"
     assert "nothing is free" in strangeness(np.array([[100, 100, -1]], dtype=np.int8), SENSING)
 
 

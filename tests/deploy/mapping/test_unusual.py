@@ -2,13 +2,13 @@
 
 import copy
 import re
-from math import pi
+from math import cos, pi, sin
 
 import numpy as np
 import pytest
 
 from common.errors import ConfigError
-from common.geometry import Scan
+from common.geometry import Pose, Scan
 from deploy.profiles import load_deploy_config
 from deploy.ros2 import conversions as ros
 from deploy.ros2 import message
@@ -187,3 +187,55 @@ def test_clouds_that_contradict_themselves_are_named(spoil, words):
 def test_an_offset_in_degrees_is_refused():
     with pytest.raises(ConfigError, match="radians"):
         load_deploy_config(None, ["sensing.sensor_offset=0.2,0,90"], {})
+
+
+def mounted(roll, steps=8):
+    """A robot whose lidar's frame is rolled by an angle."""
+    robot = Robot()
+    sent = ros.transform_message([ros.transform(0.0, "base_link", "optical", Pose(0.0, 0.0, 0.0))])
+    sent.transforms[0].transform.rotation = message("geometry_msgs/msg/Quaternion", x=sin(roll / 2), w=cos(roll / 2))
+    robot.take("static_transforms", sent)
+    for step in range(steps):
+        robot.time = 1.0 + 0.1 * step
+        robot.take("odometry", ros.odometry(robot.time, "map", "base_link", base(step)))
+        robot.take("scan", ros.laser_scan(robot.time, "optical", scan_at(FREE, base(step))))
+    return robot
+
+
+def test_a_scan_in_the_optical_frame_of_a_camera_is_refused_by_name():
+    robot = mounted(-pi / 2)
+    assert robot.map.statistics.dropped["scan not level"] and robot.map.occupancy() is None
+    assert any("'optical'" in told and "90 degrees" in told for told in robot.told)
+    assert any("tilted by 10 degrees" in told for told in mounted(pi / 18).told)
+    assert mounted(0.01).map.statistics.problem == ""
+
+
+@pytest.mark.parametrize("frame", ["map", "base_link"])
+def test_a_cloud_in_millimetres_is_told(frame):
+    robot = driven(lambda cloud: ros.point_cloud(ros_time(cloud), frame, ros.points_from(cloud) * 1000.0), cloud=True)
+    assert robot.map.statistics.dropped == {"cloud too far": 20} and robot.map.occupancy() is None
+    assert any("millimetres" in told for told in robot.told)
+
+
+def test_a_cloud_of_which_no_point_is_low_enough_is_told():
+    robot = driven(lambda cloud: ros.point_cloud(ros_time(cloud), "map", ros.points_from(cloud) + 5), cloud=True)
+    assert robot.map.statistics.dropped == {"cloud too high": 20}
+    assert any("sensing.sensor_height" in told for told in robot.told)
+
+
+@pytest.mark.parametrize(
+    ("parents", "words"),
+    [
+        ([("odom", "base_link")], "no frame 'map' but 'base_link', 'odom'"),
+        ([("map", "odom"), ("odom", "base_footprint")], "no frame 'base_link' but"),
+        ([("map", "odom"), ("wheels", "base_link")], "'base_link' up to 'wheels', and from 'map' up to 'map'"),
+    ],
+)
+def test_what_lacks_in_tf_is_named(parents, words):
+    robot = Robot("sensing.pose=tf")
+    for step in range(30):
+        robot.time = 1.0 + 0.1 * step
+        for parent, child in parents:
+            robot.tf(parent, child, base(step), static=False)
+    assert words in robot.map.statistics.problem
+    robot.tf("map", "odom", Pose(0.0, 0.0), static=False)

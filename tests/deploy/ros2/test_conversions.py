@@ -257,8 +257,22 @@ def test_what_is_not_finite_is_refused(value):
 def test_rotations_need_a_length():
     with pytest.raises(RosError, match="quaternion"):
         convert.yaw_of(message("geometry_msgs/msg/Quaternion", w=0.0))
-    twice = message("geometry_msgs/msg/Quaternion", z=2 * math.sin(0.5), w=2 * math.cos(0.5))
-    assert convert.yaw_of(twice) == pytest.approx(1.0)
+    rounded = message("geometry_msgs/msg/Quaternion", z=1.01 * math.sin(0.5), w=1.01 * math.cos(0.5))
+    assert convert.yaw_of(rounded) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("z", "w"), [(1.57, 0.0), (1.57, 1.0), (90.0, 1.0), (math.nan, 1.0)])
+def test_a_yaw_in_the_place_of_a_quaternion_is_refused_but_for_goals_which_are_places(z, w):
+    grid = convert.occupancy_grid(1.0, "map", np.zeros((2, 3), np.int8), 0.5, (1.0, 2.0, 0.5))
+    odometry = convert.odometry(1.0, "odom", "base_link", Pose(1.0, 2.0, 0.5))
+    goal = convert.pose_stamped(1.0, "map", Pose(1.0, 2.0, 0.5))
+    for pose in (grid.info.origin, odometry.pose.pose, goal.pose):
+        pose.orientation = message("geometry_msgs/msg/Quaternion", z=z, w=w)
+    with pytest.raises(RosError, match=r"length 1, got .*a yaw in radians is"):
+        convert.grid_from(grid)
+    with pytest.raises(RosError, match=r"length 1, got .*a yaw in radians is"):
+        convert.pose_from(odometry)
+    assert convert.pose_from_stamped(goal) == (1.0, Pose(1.0, 2.0, 0.0))
 
 
 def test_tilted_poses_keep_their_heading():
@@ -292,6 +306,8 @@ def test_what_is_beyond_reason_is_refused_by_name(value):
         convert.grid_from(convert.occupancy_grid(1.0, "map", np.zeros((2, 2), np.int8), 1e4))
     with pytest.raises(RosError, match="radians.*degrees"):
         convert.scan_from(convert.laser_scan(1.0, "laser", Scan(np.ones(4, np.float32), -180.0, 0.5, 30.0)))
+    with pytest.raises(RosError, match="metres.*millimetres"):
+        convert.scan_from(convert.laser_scan(1.0, "laser", Scan(np.ones(4, np.float32), 0.0, 0.5, 3e4, 100.0)))
     with pytest.raises(RosError, match="at most 131072 beams"):
         convert.scan_from(convert.laser_scan(1.0, "laser", Scan(np.ones(200_000, np.float32), 0.0, 1e-4, 30.0)))
 

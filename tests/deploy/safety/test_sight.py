@@ -102,3 +102,23 @@ def test_clouds():
     assert kind(points[:10]) is FaultKind.SENSOR_BLIND
     found = [kind(points, 0.1 * k, 0.1 * k) for k in range(5)]
     assert found == [None] * 3 + [FaultKind.SENSOR_FROZEN] * 2
+
+
+def scan_of(ranges, range_max):
+    scan = Scan(np.asarray(ranges, np.float32), -math.pi, STEP, range_max, 0.1)
+    return sight().scan(laser_scan(0.0, "laser", scan), scan, HERE, 0.0)
+
+
+@pytest.mark.parametrize("range_max", [30.0, 30_000.0, 3e38])
+def test_ranges_in_millimetres_are_invalid_and_not_a_free_world(range_max):
+    fault = scan_of(noise() * 1000.0, range_max)
+    assert fault is not None and fault.kind is FaultKind.SENSOR_INVALID and "millimetres" in fault.reason
+    mostly = np.where(np.arange(720) % 3 == 0, 0.0, noise() * 1000.0)
+    assert scan_of(mostly, range_max) is not None, "zero where nothing is met"
+
+
+def test_numbers_beyond_range_max_may_stand_for_nothing_met():
+    assert scan_of(np.full(720, 65.533), 6.0) is None
+    assert scan_of(np.where(np.arange(720) % 2 == 0, 6.5, 7.0), 6.0) is None
+    assert scan_of(noise() + 6.0, 6.0) is None, "the driver limits the range, the lidar sees further"
+    assert scan_of(noise() + 40.0, 200.0) is None, "a wide field"
