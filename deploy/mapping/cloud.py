@@ -134,7 +134,7 @@ def problem(
     """Look whether the points of a cloud can be metres, and whether any is low enough to count.
 
     Args:
-        points: as for `project`, at least one.
+        points: as for `project`.
         map_from_points: likewise.
         sensor: likewise.
         floor: likewise.
@@ -144,6 +144,9 @@ def problem(
         What is wrong in a word or two and in a sentence; both empty when nothing is.
     """
     some = points[:: len(points) // _LOOKED_AT + 1, :3]
+    some = some[np.isfinite(some).all(axis=1)]
+    if len(some) == 0:
+        return "", ""
     placed = map_from_points.apply(some.astype(np.float64))
     distances = np.hypot(placed[:, 0] - sensor[0], placed[:, 1] - sensor[1])
     near, median = (float(number) for number in np.quantile(distances, (0.05, 0.5)))

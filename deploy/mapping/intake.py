@@ -310,13 +310,12 @@ class Intake:
         if isinstance(message.data, Scan):
             beams, pose = planar_scan(message.data, placed.base, placed.mount, sensing.range_min, self._range_max)
         else:
-            if len(message.data):
-                reason, problem = cloud_problem(
-                    message.data, transform, sensor.translation, placed.floor, sensing.height_max
-                )
-                if reason:
-                    self.drop(reason, problem)
-                    return
+            reason, problem = cloud_problem(
+                message.data, transform, sensor.translation, placed.floor, sensing.height_max
+            )
+            if reason:
+                self.drop(reason, problem)
+                return
             beams = project(message.data, transform, sensor.translation, placed.floor, sensing, self._range_max)
             pose = Pose(sensor.translation[0], sensor.translation[1])
             self.volume.add(

@@ -10,12 +10,13 @@ from typing import IO, Any, cast
 
 import zstandard
 from mcap.exceptions import McapError
+from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Message, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader
 from pydantic import ValidationError
 
 from deploy.config import DeployConfig
-from deploy.recording.chunks import MAX_CHUNK, records_in
+from deploy.recording.chunks import MAX_CHUNK, records_before_cut, records_in
 from deploy.recording.errors import RecordingError
 from deploy.recording.storage import Recorded as Recorded  # noqa: PLC0414  (exported from here too)
 from deploy.recording.storage import plain_payload, read_sqlite, storage_files, storage_of, uncompressed
@@ -27,6 +28,18 @@ log = logging.getLogger(__name__)
 
 _MAGIC = b"\x89MCAP0\r\n"
 _LARGEST_RECORD = MAX_CHUNK + (1 << 20)
+# Opcode and length of a record.
+_RECORD = struct.Struct("<BQ")
+# RuntimeError is what LZ4 raises, OverflowError what a length beyond all files does.
+_DAMAGE = (
+    McapError,
+    CRCValidationError,
+    zstandard.ZstdError,
+    struct.error,
+    ValueError,
+    RuntimeError,
+    OverflowError,
+)
 
 
 def read_bag(path: Path) -> Iterator[Recorded]:
@@ -150,27 +163,54 @@ def _records(path: Path) -> Iterator[Any]:
     with path.open("rb") as stream:
         if stream.read(len(_MAGIC)) != _MAGIC:
             raise RecordingError(f"{path} is not an MCAP file: it does not begin with the MCAP magic bytes")
-        bounded = _Bounded(stream, path.stat().st_size)
-        records = StreamReader(
-            cast(IO[bytes], bounded), skip_magic=True, emit_chunks=True, record_size_limit=_LARGEST_RECORD
-        ).records
         while True:
+            begin = stream.tell()
             try:
-                record = next(records)
-                found = records_in(record, path) if isinstance(record, Chunk) else [record]
-            except StopIteration:
+                for record in _stream_reader(stream, path).records:
+                    yield from records_in(record, path) if isinstance(record, Chunk) else [record]
+                    begin = stream.tell()
                 return
-            except (
-                McapError,
-                CRCValidationError,
-                zstandard.ZstdError,
-                struct.error,
-                ValueError,
-                RuntimeError,
-                OverflowError,
-            ) as error:
-                # RuntimeError is what LZ4 raises, OverflowError what a length beyond all files does.
-                position = stream.tell()
-                log.warning("%s breaks off near byte %d, the rest is lost: %s", path, position, error or "end of file")
-                return
+            except _DAMAGE as error:
+                why = str(error) or "end of file"
+            found, following = _around(stream, path, begin)
             yield from found
+            if following is None:
+                log.warning("%s breaks off near byte %d, the rest is lost: %s", path, begin, why)
+                return
+            log.warning("%s is damaged near byte %d, a chunk is left out: %s", path, begin, why)
+            stream.seek(following)
+
+
+def _stream_reader(stream: IO[bytes], path: Path) -> StreamReader:
+    bounded = _Bounded(stream, path.stat().st_size)
+    return StreamReader(cast(IO[bytes], bounded), skip_magic=True, emit_chunks=True, record_size_limit=_LARGEST_RECORD)
+
+
+def _around(stream: IO[bytes], path: Path, begin: int) -> tuple[list[Any], int | None]:
+    """Find what can be read around damage.
+
+    Args:
+        stream: of the file.
+        path: its path.
+        begin: where the damaged record begins.
+
+    Returns:
+        The records of a chunk that breaks off with the file, and where reading can go on; None where it cannot.
+    """
+    stream.seek(begin)
+    head = stream.read(_RECORD.size)
+    if len(head) < _RECORD.size:
+        return [], None
+    opcode, length = _RECORD.unpack(head)
+    left = path.stat().st_size - stream.tell()
+    if opcode != Opcode.CHUNK or length > _LARGEST_RECORD:
+        return [], None
+    if length > left:
+        try:
+            return records_before_cut(stream.read(left), path), None
+        except _DAMAGE:
+            return [], None
+    # After a chunk whose length is damaged, too, comes anything but a record.
+    stream.seek(length, 1)
+    known = stream.read(1) in {bytes([code]) for code in Opcode}
+    return [], begin + _RECORD.size + length if known else None

@@ -5,6 +5,7 @@ import resource
 import time
 
 import lz4.frame
+import numpy as np
 import pytest
 import zstandard
 from mcap.data_stream import RecordBuilder
@@ -67,3 +68,44 @@ def test_honest_chunks_come_through(tmp_path, compression):
     found = list(read_bag(tmp_path / "whole.mcap"))
     assert [message.time for message in found] == list(range(500))
     assert found[300].payload == bytes([49]) * 1000
+
+
+def chunked(compression):
+    """A bag of 40 messages, four or so a chunk."""
+    stream = io.BytesIO()
+    writer = Writer(stream, chunk_size=4000, compression=compression)
+    writer.start("ros2")
+    channel = writer.register_channel("/words", "cdr", writer.register_schema("std_msgs/msg/String", "ros2msg", b""))
+    noise = np.random.default_rng(0)
+    for number in range(40):
+        writer.add_message(channel, number, noise.bytes(1000), number)
+    writer.finish()
+    return stream.getvalue()
+
+
+def times(path):
+    return [message.time for message in read_bag(path)]
+
+
+@pytest.mark.parametrize("compression", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD])
+def test_of_a_chunk_that_breaks_off_what_is_whole_is_read(tmp_path, compression, caplog):
+    whole, path = chunked(compression), tmp_path / "cut.mcap"
+    reached = set()
+    for length in range(6000, 12_000, 250):
+        path.write_bytes(whole[:length])
+        found = times(path)
+        assert found == list(range(len(found)))
+        assert "breaks off near byte" in caplog.text
+        reached.add(len(found))
+    if compression == CompressionType.NONE:
+        assert len(reached) >= 6, "message by message and not chunk by chunk"
+
+
+@pytest.mark.parametrize("compression", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD])
+def test_a_damaged_chunk_costs_no_other(tmp_path, compression, caplog):
+    spoilt = bytearray(chunked(compression))
+    spoilt[10_000] ^= 0xFF
+    (tmp_path / "spoilt.mcap").write_bytes(spoilt)
+    found = times(tmp_path / "spoilt.mcap")
+    assert found[-1] == 39 and 32 <= len(found) < 40
+    assert "a chunk is left out" in caplog.text
