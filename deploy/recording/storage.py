@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
+import shutil
 import sqlite3
 import tempfile
 from collections.abc import Iterator
@@ -159,6 +161,16 @@ def _opened(file: Path) -> Iterator[sqlite3.Connection]:
             place = Path(folder) / file.name
             for each in (file, *journals):
                 (Path(folder) / each.name).write_bytes(each.read_bytes())
+        elif (size := _told_size(file)) > file.stat().st_size:
+            # SQLite reads nothing of a file that is shorter than its header says; where pages of zeros begin, it stops.
+            log.warning(
+                "%s breaks off, %d of %d bytes are there: what precedes the break is read, `sqlite3 %s .recover` may "
+                "find more",
+                *(file, file.stat().st_size, size, file.name),
+            )
+            place = Path(folder) / file.name
+            shutil.copyfile(file, place)
+            os.truncate(place, size)
         mode = "rw" if journals else "ro"
         try:
             database = sqlite3.connect(f"{place.resolve().as_uri()}?mode={mode}", uri=True)
@@ -166,6 +178,17 @@ def _opened(file: Path) -> Iterator[sqlite3.Connection]:
             raise RecordingError(f"cannot open {file}: {error}: check its permissions") from None
         with closing(database):
             yield database
+
+
+def _told_size(file: Path) -> int:
+    """Return the bytes that a database has by its header, 0 where that does not tell."""
+    with file.open("rb") as stream:
+        head = stream.read(100)
+    # The number of pages is valid where both counters of changes agree.
+    if len(head) < 100 or not head.startswith(b"SQLite format 3\0") or head[24:28] != head[92:96]:
+        return 0
+    page = int.from_bytes(head[16:18], "big")
+    return (65_536 if page == 1 else page) * int.from_bytes(head[28:32], "big")
 
 
 def _by_number(file: Path) -> tuple[str, int]:

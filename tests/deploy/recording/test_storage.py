@@ -105,6 +105,16 @@ def test_a_damaged_database_is_named(tmp_path):
         payloads(tmp_path / "ros1.bag")
 
 
+def test_of_a_database_that_breaks_off_the_beginning_is_read(tmp_path, caplog):
+    (file,) = write(tmp_path / "bag", StoragePlugin.SQLITE3).glob("*.db3")
+    whole, data = payloads(file), file.read_bytes()
+    file.write_bytes(data[: len(data) * 3 // 4])
+    found = payloads(file)
+    assert 0 < len(found) < len(whole) and found == whole[: len(found)]
+    assert "breaks off" in caplog.text and ".recover" in caplog.text
+    assert len(file.read_bytes()) < len(data), "the recording stays as it is"
+
+
 def test_files_of_a_split_bag_come_in_the_order_of_their_numbers(tmp_path):
     for name in ("run_10.mcap", "run_9.mcap.zstd", "run_2.mcap", "run_2.mcap.zstd", "notes.txt", "metadata.yaml"):
         (tmp_path / name).write_bytes(b"")
