@@ -109,6 +109,8 @@ class Evaluation(Closing):
                         self._path(planner, "jsonl").unlink(missing_ok=True)
             except OSError as error:
                 raise ResultsError(f"cannot use the folder {out} ({error.strerror}): choose another --out") from error
+            written = [path.stat().st_mtime for name in self._planners if (path := self._path(name, "jsonl")).exists()]
+            self._continued_from = min(written, default=None)
             self._journals = {
                 planner: Journal.open(self._path(planner, "jsonl"), self._fingerprint(planner))
                 for planner in self._planners
@@ -123,6 +125,19 @@ class Evaluation(Closing):
     def worlds(self) -> int:
         """Number of worlds."""
         return len(self._worlds)
+
+    def maps_warning(self) -> str:
+        """Return a sentence where maps were written after results that are continued; else an empty one."""
+        if self._continued_from is None or not any(self.done(planner) for planner in self._planners):
+            return ""
+        changed = self._worlds.changed_since(self._continued_from)
+        if not changed:
+            return ""
+        more = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
+        return (
+            f"{changed[0]}{more} changed after results in {self._out} that are kept: if what is in the maps is another "
+            "now, start over with --overwrite"
+        )
 
     def limit_warning(self) -> str:
         """Return a sentence where the step limit is too small for what there is to explore; else an empty one."""

@@ -49,6 +49,11 @@ class WorldSet:
         if max(Counter(path.name for path in paths).values(), default=1) > 1:
             self._root = Path(os.path.commonpath([path.parent for path in paths]))
 
+    def changed_since(self, moment: float) -> list[Path]:
+        """Return the files of maps, and images of ROS maps, that were written after a moment (seconds since 1970)."""
+        paths = {path for file in _files(self._source) for path in file.parts()}
+        return sorted(path for path in paths if path.is_file() and path.stat().st_mtime > moment)
+
     @classmethod
     def open(cls, specs: Sequence[str], task: str, metres_per_pixel: float | None, limit: int | None) -> WorldSet:
         """Open sources as `actors.maps.sources` describes them, and try the first world of each.

@@ -50,6 +50,11 @@ class MapFile:
         """
         return read_map_server_file(self.path).cell if self.is_ros else metres_per_pixel
 
+    def parts(self) -> list[Path]:
+        """Return the files that make up the map: its own, and the image of a ROS map."""
+        image = _image_of(self.path) if self.is_ros else None
+        return [self.path] if image is None else [self.path, image]
+
     def load(self, metres_per_pixel: float, require_target: bool) -> GridMap:
         """Load the map.
 

@@ -1,4 +1,5 @@
 import json
+import os
 
 import pytest
 
@@ -7,8 +8,10 @@ from actors.evaluation.outcome import Place, crashed
 from actors.evaluation.results import ResultsError, read_results
 from actors.evaluation.runner import Evaluation
 from actors.evaluation.worker import Worker
+from actors.maps.ros_map import read_map_server_file
 from common.errors import CheckpointError, ConfigError, MapError
 from tests.actors.evaluation.small import settings
+from tests.actors.maps.ros_files import room, write_ros
 
 OWN = "tests.actors.evaluation.small"
 
@@ -45,6 +48,23 @@ def test_a_finished_run_does_nothing_again(done):
         again.run(1, seen.append)
     assert seen == []
     assert (out / "greedy.json").read_text() == before
+
+
+def test_maps_that_changed_since_the_results_are_warned_of(tmp_path):
+    path = write_ros(tmp_path / "plan.yaml", room(240, 160), resolution=0.1, origin=[-5.0, -4.0, 0.0])
+    mine = settings(maps=(f"{path}?start=-2.5,3.0",), limit=None)
+    with Evaluation(mine, ["greedy"], tmp_path / "out") as evaluation:
+        evaluation.run(1)
+        assert evaluation.maps_warning() == ""
+    with Evaluation(mine, ["greedy"], tmp_path / "out") as again:
+        assert again.maps_warning() == ""
+    image = read_map_server_file(path).image
+    later = image.stat().st_mtime + 1000.0
+    os.utime(image, (later, later))
+    with Evaluation(mine, ["greedy"], tmp_path / "out") as again:
+        assert image.name in again.maps_warning() and "--overwrite" in again.maps_warning()
+    with Evaluation(mine, ["greedy"], tmp_path / "out", overwrite=True) as again:
+        assert again.maps_warning() == ""
 
 
 def test_other_settings_do_not_mix(done):
