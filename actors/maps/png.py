@@ -1,4 +1,4 @@
-"""Maps into PNG files of the public format: gray 195 is free, gray 127 is not, a yellow start and a red target."""
+"""PNG files of the public format: gray 195 is free, gray 127 is not, a yellow start and a red target."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
+from actors.maps.image_map import load_image
 from actors.maps.layout import BLOCK
 from common.errors import MapError
 from common.system.extras import optional
@@ -16,6 +17,19 @@ _OCCUPIED = (127, 127, 127)
 _FREE = (195, 195, 195)
 _START = (255, 217, 0)
 _TARGET = (238, 22, 31)
+
+
+def load_png(path: Path, metres_per_pixel: float = 0.25) -> GridMap:
+    """Read a map in the public PNG format, as `write_png` writes it; `load_image` reads others, too.
+
+    Args:
+        path: the file.
+        metres_per_pixel: scale of the image.
+
+    Raises:
+        MapError: the file cannot be read, or is no such map; see `load_image`.
+    """
+    return load_image(path, metres_per_pixel)
 
 
 def write_png(world: GridMap, path: Path) -> None:

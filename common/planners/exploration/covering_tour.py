@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -59,8 +60,10 @@ class CoveringTourPlanner(ViewpointPlanner):
     - Remainders wait: clusters of fewer frontier cells than `min_frontier`, and viewpoints that could show less than
       `min_gain` of unknown area. Most of them are slivers along walls and behind furniture that hold nothing or so
       little that an exploration is complete without them. They are taken along where they lie on the way, at most
-      `detour` each; else in a large building one returns for them in the end. What is left when nothing else is, is
-      toured like the rest.
+      `detour` each; else in a large building one returns for them in the end. Then those from where at least
+      `min_hidden` of unknown area can be in sight come first: a door that was only seen at a slant is a few cells, and
+      the room behind it must not wait for a tour of all slivers. What is left when nothing else is, is toured like the
+      rest.
     - Where the floor opens into the unknown on many sides, as between the shelves of a warehouse, the robot drives to
       the nearest frontier instead (see `NearestPlanner`). A tour would look a few metres into each aisle and come back,
       again and again, for what is seen on the way through the next one. With more than `most_openings` on 100 m2 of
@@ -80,6 +83,7 @@ class CoveringTourPlanner(ViewpointPlanner):
         min_frontier: int = 6,
         min_remainder: float = 0.5,
         min_gain: float = 4.0,
+        min_hidden: float = 8.0,
         detour: float = 2.0,
         most_openings: float = 3.0,
     ) -> None:
@@ -94,6 +98,8 @@ class CoveringTourPlanner(ViewpointPlanner):
                 of 0.1 m.
             min_remainder: a cluster that is shorter than this is not even taken along, metres.
             min_gain: a viewpoint from where less unknown area can be in sight waits, square metres.
+            min_hidden: of what waits, viewpoints from where so much unknown area can be in sight come before the
+                others, square metres.
             detour: metres that a stop for what waits may add to the tour.
             most_openings: with more openings on 100 m2 of known floor than this the nearest frontier is driven to.
 
@@ -107,6 +113,7 @@ class CoveringTourPlanner(ViewpointPlanner):
             ("min_frontier", min_frontier),
             ("min_remainder", min_remainder),
             ("min_gain", min_gain),
+            ("min_hidden", min_hidden),
             ("detour", detour),
             ("most_openings", most_openings),
         ):
@@ -116,6 +123,7 @@ class CoveringTourPlanner(ViewpointPlanner):
         self._min_frontier = min_frontier
         self._min_remainder = min_remainder / config.resolution
         self._min_gain = min_gain
+        self._min_hidden = min_hidden
         self._detour = detour
         self._most_openings = most_openings
         self._nearest = NearestPlanner(config)
@@ -166,13 +174,15 @@ class CoveringTourPlanner(ViewpointPlanner):
         large = sizes >= self._min_frontier
         extra = sizes >= self._min_remainder
         every = np.ones(len(frontiers), dtype=np.bool_)
-        worth = self._rewarding(mapper, near, frontiers, large, allowed)
-        for rows, viewpoints, wanted in (
-            (near, worth, large),
-            (near, allowed, large),
-            (near, allowed, every),
-            ((pointer, seen), allowed, every),
-        ):
+
+        def stages() -> Iterator[tuple[_Rows, NDArray[np.bool_], NDArray[np.bool_]]]:
+            yield near, self._rewarding(mapper, near, frontiers, large, allowed, self._min_gain), large
+            yield near, self._rewarding(mapper, near, frontiers, every, allowed, self._min_hidden), every
+            yield near, allowed, large
+            yield near, allowed, every
+            yield (pointer, seen), allowed, every
+
+        for rows, viewpoints, wanted in stages():
             if _see_any(rows, wanted)[viewpoints].any():
                 tour = _Tour(mapper, self._paths, rows, labels, viewpoints, wanted, allowed, wanted | extra)
                 stops = tour.solve(self._last, self._detour)
@@ -188,8 +198,9 @@ class CoveringTourPlanner(ViewpointPlanner):
         frontiers: NDArray[np.float64],
         wanted: NDArray[np.bool_],
         allowed: NDArray[np.bool_],
+        enough: float,
     ) -> NDArray[np.bool_]:
-        """Return which of the allowed viewpoints see wanted cells and could show enough behind them.
+        """Return which of the allowed viewpoints see wanted cells and could show enough behind them, square metres.
 
         A viewpoint's gain is measured again when the frontier cells that it sees have changed.
         """
@@ -199,11 +210,12 @@ class CoveringTourPlanner(ViewpointPlanner):
         views = _digests(*rows, nodes, place_keys(frontiers)).tolist()
         known = self._gains
         new = [k for k, (key, view) in enumerate(zip(keys, views, strict=True)) if known.get(key, _NEVER)[0] != view]
-        measured = unknown_in_sight(mapper, positions[new], self.config.sensor_range, RAYS, self._min_gain)
+        most = max(self._min_gain, self._min_hidden)
+        measured = unknown_in_sight(mapper, positions[new], self.config.sensor_range, RAYS, most)
         for k, gain in zip(new, measured.tolist(), strict=True):
             known[keys[k]] = views[k], gain
         worth = np.zeros(len(allowed), dtype=np.bool_)
-        worth[[node for node, key in zip(nodes.tolist(), keys, strict=True) if known[key][1] >= self._min_gain]] = True
+        worth[[node for node, key in zip(nodes.tolist(), keys, strict=True) if known[key][1] >= enough]] = True
         return worth
 
 

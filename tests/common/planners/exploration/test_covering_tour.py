@@ -60,6 +60,14 @@ def test_what_can_show_little_waits_as_well() -> None:
     assert _first_decision(28, min_frontier=4, min_gain=4.0, detour=0.0) == pytest.approx((0.0, 4.0))
 
 
+def test_of_what_waits_the_room_behind_a_narrow_gap_comes_before_the_slivers() -> None:
+    # All frontiers are too small, and the hall could show most.
+    hall = _first_decision(28, min_frontier=1000, min_hidden=150.0, detour=0.0)
+    assert hall[0] > 0.0
+    assert hall[1] == pytest.approx(0.0)
+    assert _first_decision(28, min_frontier=1000, min_hidden=1000.0, detour=0.0) == pytest.approx((0.0, 4.0))
+
+
 def test_what_waits_is_explored_in_the_end() -> None:
     planner = make_planner("tour", CONFIG, min_frontier=48, min_gain=300.0, detour=0.0)
     episode = explore(planner, HALL, CONFIG, unseen_area=-1.0)
