@@ -150,7 +150,8 @@ def lead_to(mapper: Mapper, pose: Pose, stops: list[int], spacing: float) -> Pla
     if plan.waypoint is None:
         return Plan(Status.COMPLETE, reason="the robot is at the only viewpoint left to visit")
     useful = mapper.observe().utility
-    goal = next((stop for stop in stops if useful[stop]), stops[0])
+    # The number behind those of the viewpoints is the target's.
+    goal = next((stop for stop in stops if stop == len(useful) or useful[stop]), stops[0])
     return replace(plan, beacon=mapper.position(goal))
 
 
