@@ -18,7 +18,7 @@ from common.mapping.map_view import MapView
 from common.mapping.pieces import NOWHERE
 from common.mapping.planning_set import Frame, anything_left, plan
 from common.mapping.raycast import SUBCELLS
-from common.mapping.retreat import corners_back, cut_off, find_back
+from common.mapping.retreat import corners_back, find_back
 from common.mapping.sight import NOTHING_LOST
 from common.mapping.target import Target
 from common.mapping.thinning import cells_a_block
@@ -207,14 +207,12 @@ class Mapper(MapView):
         """
         graph = self._graph
         places = self._subcells(self._track.places)
-        if not cut_off(graph.pieces_at(*places), self._numbers).any():
-            return None
-        self._plan()
-        if self.target_known:
-            return None
         target = NOWHERE if self.target is None else graph.piece_of(self.belief.subcells(self.target))
         found = find_back(graph, places, self._numbers, self._thinned.counts, self._config.least_utility, target)
         if found is None:
+            return None
+        self._plan()
+        if self.target_known:
             return None
         x, y = self._track.places[found.oldest].tolist()
         if found.closed:

@@ -30,12 +30,6 @@ class WayBack:
     closed: bool
 
 
-def cut_off(pieces: NDArray[np.int64], numbers: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Return which pieces of clear space exist, are not -1, and have no node where the robot can get to."""
-    cut: NDArray[np.bool_] = (pieces >= 0) & (numbers[pieces] < 0)
-    return cut
-
-
 def find_back(
     graph: ViewpointGraph,
     places: NDArray[np.int64],
@@ -60,7 +54,7 @@ def find_back(
     pieces = graph.pieces_at(*places)
     seen: NDArray[np.bool_] = np.zeros(graph.used, dtype=np.bool_)
     closed = None
-    for k in np.flatnonzero(cut_off(pieces, numbers))[::-1].tolist():
+    for k in np.flatnonzero((pieces >= 0) & (numbers[pieces] < 0))[::-1].tolist():
         piece = int(pieces[k])
         if seen[piece] or not graph.pieces[piece]["exists"]:
             continue
