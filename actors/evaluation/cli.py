@@ -125,9 +125,6 @@ def run(
         )
         names = planner_list(planner)
         with Evaluation(settings, names, out, label=label, overwrite=overwrite, processes=processes) as evaluation:
-            changed = evaluation.maps_warning()
-            if changed:
-                console.print(f"warning: {changed}", markup=False, emoji=False, highlight=False, soft_wrap=True)
             crashed = run_and_show(evaluation, names, jobs, console, copy_to, warn_of_limit=True)
     if crashed:
         raise typer.Exit(EXIT_ERROR)

@@ -61,6 +61,9 @@ def run_and_show(
         def warn(sentence: str) -> None:
             console.print("[bold yellow]warning:[/]", escape(sentence), emoji=False, highlight=False, soft_wrap=True)
 
+        changed = evaluation.maps_warning()
+        if changed:
+            warn(changed)
         try:
             evaluation.run(jobs, watch, warn if warn_of_limit else None)
         except KeyboardInterrupt:
