@@ -68,7 +68,7 @@ class Depth:
         trained: the mapping of the policy's training; that of the episode when not given. With viewpoints at another
             spacing block maps hold as many a square as forests: with closer ones the policy decides wherever it is
             open, with a longer sensor wherever walls alone divide the floor.
-        explores: whether the task is exploration, in which the policy masters forests; in navigation D* Lite does.
+        explores: whether the task is exploration, in which the policy masters forests; in navigation it does not.
     """
 
     def __init__(
