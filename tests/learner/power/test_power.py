@@ -16,7 +16,7 @@ def recording(tmp_path_factory):
 
 def test_a_power_failure_costs_nothing_that_was_acknowledged(recording, tmp_path):
     assert sum(operation.first.startswith(b"stored") for operation in recording[2]) == 3 * EPISODES
-    assert fail(recording, 5, seed=0, folder=tmp_path) == [set()] * 5
+    assert fail(recording, 8, seed=0, folder=tmp_path) == [set()] * 8
 
 
 @pytest.mark.slow
