@@ -9,6 +9,8 @@ The rule, for red R, green G, blue B from 0 to 255, chroma C = max(R, G, B) - mi
 - gray above 150: free, but for exactly 205, which is what ROS writes for unknown (in JPG files 201 to 209, colourless,
   and more than specks of it);
 - anything else, and whatever is more transparent than opaque: not free.
+
+Public maps that were converted to gray have lost their yellow: what it has become is told apart by `gray_starts`.
 """
 
 from __future__ import annotations
@@ -34,6 +36,8 @@ _RIM_CHROMA: Final = 40
 _RIM_GRAY: Final = 80
 _SAVED_UNKNOWN: Final = 205
 _OPAQUE: Final = 128
+# What the yellows of public maps become when an image is converted to gray, by one formula for luminance or another.
+_GRAY_STARTS: Final = (204, 206, 207, 208, 209)
 # JPG files move the gray of large areas by one or two, and tint them a little.
 _LOSSY_TOLERANCE: Final = 4
 _LOSSY_CHROMA: Final = 12
@@ -87,3 +91,16 @@ def classify(pixels: Pixels) -> NDArray[np.uint8]:
         specks[0] = False
         classes[specks[labels]] = FREE
     return classes
+
+
+def gray_starts(pixels: Pixels) -> NDArray[np.bool_]:
+    """Return which pixels have a gray that the yellow start of a public map becomes without its colour.
+
+    Returns:
+        bool, shape (rows, columns), row 0 at the bottom; nowhere true in an image that has colours.
+    """
+    red, green, blue, opacity = pixels.colours.T
+    coloured = (red != green) | (red != blue)
+    if pixels.spread(coloured & (opacity >= _OPAQUE)).any():
+        return np.zeros(pixels.shape, dtype=np.bool_)
+    return pixels.spread(np.isin(red, _GRAY_STARTS) & (opacity >= _OPAQUE))

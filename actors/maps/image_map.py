@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from actors.maps.colours import NOT_FREE, START, TARGET, UNKNOWN, classify
+from actors.maps.colours import NOT_FREE, START, TARGET, UNKNOWN, classify, gray_starts
 from actors.maps.connectivity import label_regions
 from actors.maps.grid_map import GridMap
 from actors.maps.images import read_pixels
@@ -51,7 +51,11 @@ def load_image(
     pixels = read_pixels(path)
     classes = classify(pixels)
     free = (classes != NOT_FREE) & (classes != UNKNOWN)
-    start_marker = None if start is not None else _marker(path, classes == START, START_MARKER, pixels.lossy)
+    start_marker = None
+    if start is None:
+        start_marker = _marker(path, classes == START, START_MARKER, pixels.lossy)
+        if start_marker is None and not pixels.lossy:
+            start_marker = _one_square(gray_starts(pixels))
     target_marker = None if target is not None else _marker(path, classes == TARGET, TARGET_MARKER, pixels.lossy)
     if start_marker is not None:
         start = _centre(start_marker, metres_per_pixel)
@@ -93,6 +97,14 @@ def _marker(path: Path, marker: NDArray[np.bool_], what: str, lossy: bool) -> ND
     if count > 1:
         raise MapError(f"{path}: expected one {what}, found {count}: leave one and repaint the others as free")
     return marker
+
+
+def _one_square(spots: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
+    """Return the one rectangle that is marked, None where nothing or anything else is: then the gray means nothing."""
+    rows, columns = np.flatnonzero(spots.any(axis=1)), np.flatnonzero(spots.any(axis=0))
+    if not len(rows) or not spots[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].all():
+        return None
+    return spots
 
 
 def _centre(marker: NDArray[np.bool_], metres_per_pixel: float) -> Position:
