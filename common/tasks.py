@@ -43,8 +43,8 @@ class Task:
             `actors.tasks.Goal`. Or its MODULE:NAME, so that a robot need not import it.
         expert: privileged expert for imitation and for privileged rewards; called with a `TaskConfig` and a
             `MappingConfig`, it returns an `actors.expert.Expert`. Or its MODULE:NAME, or None where there is none.
-        with_radius: classical planner that decides instead of `reference` and `in_the_open`, where a shipped policy
-            does not, for a robot that has a radius; those two when not given.
+        with_radius: classical planner that decides instead of a shipped policy for a robot that has a radius; none when
+            not given.
     """
 
     name: str

@@ -66,8 +66,8 @@ class LearnedPlanner:
 
     A guard stands before the shipped policies, which were trained on block maps: in worlds of another kind, with cells
     or viewpoints of another scale, and once the policy dithers (see `Depth`), a classical planner decides: `tour` in
-    exploration; in navigation FAR, or D* Lite for a robot without a radius. In forests the policy explores too, and
-    gives way to `greedy` if it dithers.
+    exploration, D* Lite in navigation. In forests the policy explores too, and gives way to `greedy` if it dithers. In
+    the navigation of a robot with a radius FAR decides everywhere: its ways bend at corners, a policy's at viewpoints.
     Policies of one's own have no guard.
 
     Rule and guard are no part of the paper, so their decisions are counted, and `hdplanner-bare` is the network without
@@ -155,7 +155,7 @@ class LearnedPlanner:
         Where the guard leaves a whole episode to the classical planner, that one gets its own mapping.
         """
         card = self._read_shipped(task)[1] if self._shipped else self.card
-        if card is None or self._leaves_all(card):
+        if card is None or self._leaves_all(card, task):
             return self._config
         return self._config.with_planning_set_of(card.mapping)
 
@@ -179,7 +179,7 @@ class LearnedPlanner:
         elif self._guards(self.card):
             self._depth = Depth(
                 self._config,
-                known_scale=not self._leaves_all(self.card),
+                known_scale=not self._leaves_all(self.card, task),
                 trained=self.card.mapping,
                 explores=self._exploring,
             )
@@ -291,11 +291,14 @@ class LearnedPlanner:
         if task not in self._read:
             self._read[task] = read_policy(shipped_policy(task))
             card = self._read[task][1]
-            if self._leaves_all(card):
-                log.info(
-                    "cells, viewpoints or sensor differ in scale from the training of the shipped policy: %s decides",
-                    self._deputy(find_task(task), Decider.REFERENCE),
+            if self._leaves_all(card, task):
+                deputy = self._deputy(find_task(task), Decider.REFERENCE)
+                why = (
+                    "a robot with a radius drives less by other ways than from viewpoint to viewpoint"
+                    if self._bends_at_corners(task)
+                    else "cells, viewpoints or sensor differ in scale from the training of the shipped policy"
                 )
+                log.info("%s: %s decides", why, deputy)
             else:
                 warn_of_other_mapping(card, self._config)
         return self._read[task]
@@ -306,13 +309,17 @@ class LearnedPlanner:
 
     def _deputy(self, kind: Task, decider: Decider) -> str:
         """Return the name of the classical planner of the guard."""
-        own = kind.with_radius if self._config.robot_radius > 0.0 else None
+        own = kind.with_radius if self._bends_at_corners(kind.name) else None
         name: str = own or getattr(kind, decider.value)
         return name
 
-    def _leaves_all(self, card: PolicyCard) -> bool:
+    def _leaves_all(self, card: PolicyCard, task: TaskName) -> bool:
         """Whether the guard leaves every decision to the classical planner, whatever the world."""
-        return self._guards(card) and not of_known_scale(card, self._config)
+        return self._guards(card) and (self._bends_at_corners(task) or not of_known_scale(card, self._config))
+
+    def _bends_at_corners(self, task: TaskName) -> bool:
+        """Whether a planner whose ways bend at corners instead of viewpoints does this task better for this robot."""
+        return self._config.robot_radius > 0.0 and find_task(task).with_radius is not None
 
     def _forget(self) -> None:
         self._random = np.random.default_rng(0)

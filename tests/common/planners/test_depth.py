@@ -96,6 +96,7 @@ def test_a_policy_that_dithers_is_out_of_its_depth(name: str, decider: Decider) 
         ("office", "exploration", 0.0, "tour"),
         ("office", "navigation", 0.0, "dstar_lite"),
         ("office", "navigation", 0.25, "far"),
+        ("rooms", "navigation", 0.25, "far"),
         ("forest", "navigation", 0.0, "dstar_lite"),
     ],
 )
