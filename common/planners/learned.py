@@ -13,11 +13,11 @@ from common.config import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Planner, Position, Status, TaskName
-from common.planners.depth import Decider, Depth
+from common.planners.depth import Decider
 from common.planners.exploration.greedy import GreedyPlanner
+from common.planners.guard import Guard, deputy, why_never
 from common.planners.reference import ReferenceRoute
-from common.planners.registry import make_planner
-from common.planners.suited_mapping import of_known_scale, warn_of_other_mapping
+from common.planners.suited_mapping import warn_of_other_mapping
 from common.planners.viewpoint_planner import (
     ON_VIEWPOINT,
     ScannedViewpoints,
@@ -30,7 +30,7 @@ from common.planners.visited_places import PlacesSinceGain
 from common.policies.policy import Policy
 from common.policies.policy_file import PolicyCard, read_policy
 from common.policies.shipped import shipped_policy, shipped_tasks
-from common.tasks import EXPLORATION, Task, find_task
+from common.tasks import EXPLORATION, find_task
 
 log = logging.getLogger(__name__)
 
@@ -64,11 +64,8 @@ class LearnedPlanner:
     planner prefers, in navigation the one of the shortest optimistic way to the target. Every such detour leads to news
     or is done with its goal, so there is an end.
 
-    A guard stands before the shipped policies, which were trained on block maps: in worlds of another kind, with cells
-    or viewpoints of another scale, and once the policy dithers (see `Depth`), a classical planner decides: `tour` in
-    exploration, D* Lite in navigation. In forests the policy explores too, and gives way to `greedy` if it dithers. In
-    the navigation of a robot with a radius FAR decides everywhere: its ways bend at corners, a policy's at viewpoints.
-    Policies of one's own have no guard.
+    A `Guard` stands before the shipped policies, which were trained on block maps: in worlds of another kind, for
+    robots that they do not suit, and once they dither, a classical planner decides. Policies of one's own have none.
 
     Rule and guard are no part of the paper, so their decisions are counted, and `hdplanner-bare` is the network without
     either. A policy's file may also hold the network of a learned baseline (docs/baselines.md), to which the same rule
@@ -82,22 +79,16 @@ class LearnedPlanner:
         card: what the policy is and where it comes from; of shipped policies that of the last `reset`, None before.
         policy: the network; weights that it loads hold from the next decision on. Of shipped policies as `card`.
         rule_applied: decisions of this episode that the rule made.
-        guarded: decisions of this episode that the classical planner made.
-        guarded_by: name of the classical planner that made the last decision; empty where the policy did.
         attention: how probable the choices of the last decision were; None before the first.
     """
 
     policy: Policy
     rule_applied: int
-    guarded: int
-    guarded_by: str
     attention: Attention | None
     _places: PlacesSinceGain
     _beacon: Position | None
     _reference: ReferenceRoute | None
-    _depth: Depth | None
-    _decider: Decider
-    _classical: dict[Decider, Planner]
+    _guard: Guard | None
 
     def __init__(
         self,
@@ -144,10 +135,20 @@ class LearnedPlanner:
         return shipped_tasks() if self.card is None or self._shipped else self.card.tasks
 
     @property
+    def guarded(self) -> int:
+        """Decisions of this episode that a classical planner made."""
+        return 0 if self._guard is None else self._guard.decisions
+
+    @property
+    def guarded_by(self) -> str:
+        """Name of the classical planner that made the last decision; empty where the policy did."""
+        return "" if self._guard is None else self._guard.decided_by
+
+    @property
     def deputies(self) -> tuple[Planner, ...]:
         """The planners of the guard and, in an exploration, of the rule against cycles."""
-        rule = (self._greedy,) if self._end_cycles and self._exploring else ()
-        return (*self._classical.values(), *rule)
+        guard = () if self._guard is None else self._guard.planners
+        return (*guard, self._greedy) if self._end_cycles and self._exploring else guard
 
     def mapping_for(self, task: TaskName) -> MappingConfig:
         """Return the mapping to give it: the configured one, with utilities and beacons as the policy learnt them.
@@ -155,7 +156,7 @@ class LearnedPlanner:
         Where the guard leaves a whole episode to the classical planner, that one gets its own mapping.
         """
         card = self._read_shipped(task)[1] if self._shipped else self.card
-        if card is None or self._leaves_all(card, task):
+        if card is None or (self._guards(card) and why_never(card, self._config, task)):
             return self._config
         return self._config.with_planning_set_of(card.mapping)
 
@@ -177,30 +178,15 @@ class LearnedPlanner:
             reference.reset(task, target)
             self._reference = reference
         elif self._guards(self.card):
-            self._depth = Depth(
-                self._config,
-                known_scale=not self._leaves_all(self.card, task),
-                trained=self.card.mapping,
-                explores=self._exploring,
-            )
-            kind = find_task(task)
-            for decider in (Decider.REFERENCE, Decider.IN_THE_OPEN):
-                name = self._deputy(kind, decider)
-                planner = self._classical[decider] = make_planner(name, self.mapping_for(task))
-                planner.reset(kind.asked_of(name, planner.tasks), target, 0)
+            self._guard = Guard(self.card, self._config, self.mapping_for(task), task, target)
 
     def plan(self, mapper: Mapper, pose: Pose) -> Plan:
         """Decide; the mapper has taken in the newest scan and was updated at this pose."""
-        if self._depth is not None:
-            if not mapper.stuck:
-                self._decider = self._depth.decider(mapper, self.rule_applied)
-            # Off the graph the same one goes on: FAR needs no viewpoint.
-            if self._decider is not Decider.POLICY:
-                self.guarded += 1
-                self.guarded_by = self._classical[self._decider].name
+        if self._guard is not None:
+            plan = self._guard.plan(mapper, pose, self.rule_applied)
+            if plan is not None:
                 self.attention = None
-                return self._classical[self._decider].plan(mapper, pose)
-        self.guarded_by = ""
+                return plan
         end = self._end(mapper, pose)
         if end is not None:
             return end
@@ -291,14 +277,9 @@ class LearnedPlanner:
         if task not in self._read:
             self._read[task] = read_policy(shipped_policy(task))
             card = self._read[task][1]
-            if self._leaves_all(card, task):
-                deputy = self._deputy(find_task(task), Decider.REFERENCE)
-                why = (
-                    "a robot with a radius drives less by other ways than from viewpoint to viewpoint"
-                    if self._bends_at_corners(task)
-                    else "cells, viewpoints or sensor differ in scale from the training of the shipped policy"
-                )
-                log.info("%s: %s decides", why, deputy)
+            why = self._guards(card) and why_never(card, self._config, task)
+            if why:
+                log.info("%s: %s decides", why, deputy(find_task(task), Decider.REFERENCE, self._config))
             else:
                 warn_of_other_mapping(card, self._config)
         return self._read[task]
@@ -307,31 +288,13 @@ class LearnedPlanner:
         """Whether a guard stands before a policy; one that reads the classical planner's route has that with it."""
         return self._shipped and self._end_cycles and card.network.features != "guided"
 
-    def _deputy(self, kind: Task, decider: Decider) -> str:
-        """Return the name of the classical planner of the guard."""
-        own = kind.with_radius if self._bends_at_corners(kind.name) else None
-        name: str = own or getattr(kind, decider.value)
-        return name
-
-    def _leaves_all(self, card: PolicyCard, task: TaskName) -> bool:
-        """Whether the guard leaves every decision to the classical planner, whatever the world."""
-        return self._guards(card) and (self._bends_at_corners(task) or not of_known_scale(card, self._config))
-
-    def _bends_at_corners(self, task: TaskName) -> bool:
-        """Whether a planner whose ways bend at corners instead of viewpoints does this task better for this robot."""
-        return self._config.robot_radius > 0.0 and find_task(task).with_radius is not None
-
     def _forget(self) -> None:
         self._random = np.random.default_rng(0)
         self._scanned = ScannedViewpoints(self._config.viewpoint_spacing)
         self._beacon = None
         self._exploring = True
         self._reference = None
-        self._depth = None
-        self._decider = Decider.POLICY
-        self._classical = {}
-        self.guarded = 0
-        self.guarded_by = ""
+        self._guard = None
         # Viewpoints beside lattice points move a little whenever their surroundings become known better.
         self._places = PlacesSinceGain(ON_VIEWPOINT * self._config.viewpoint_spacing)
         self._way_out = None
