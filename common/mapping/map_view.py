@@ -118,6 +118,11 @@ class MapView:
         )
         return found
 
+    @property
+    def frontier_cells(self) -> tuple[NDArray[np.int64], int]:
+        """Flat numbers of the frontier cells in the padded grid, ordered as `frontiers`, and the length of its rows."""
+        return self._frontiers.flat, self._frontiers.padded_mask.shape[1]
+
     def sightings(self) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
         """Return which frontier cells each viewpoint of the last update observes: in range and in line of sight.
 

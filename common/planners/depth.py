@@ -121,7 +121,7 @@ class Depth:
         self._among_trees = in_line < LEAST_IN_LINE and (is_open or trees >= AMONG_TREES)
         self._mastered = self._explores and (self._among_trees or (is_open and self._closer))
         if self._sees_farther:
-            clusters = np.bincount(cluster_labels(mapper.belief, mapper.frontiers))
+            clusters = np.bincount(cluster_labels(*mapper.frontier_cells))
             closed = openings(clusters, self._resolution, area) <= MOST_OPENINGS and frontier <= MOST_FRONTIER
             self._walls_alone = closed and in_line >= LEAST_IN_LINE
         self._out_of_depth = shown < LEAST_SHOWN and not self._walls_alone

@@ -7,7 +7,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.mapping.belief import Belief
 from common.system.jit import njit
 
 OPENING_LENGTH: Final = 1.5
@@ -30,53 +29,41 @@ def _join(parent: NDArray[np.int64], a: int, b: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _label(rows: NDArray[np.int64], columns: NDArray[np.int64], order: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Join each cell with those before it in the row-major order that it touches, then number the clusters."""
-    count = len(order)
-    parent = np.arange(count)
-    # The first cell that may touch one of the row above it; it only moves forward.
-    below = 0
-    for f in range(count):
-        row, column = rows[order[f]], columns[order[f]]
-        if f and rows[order[f - 1]] == row and columns[order[f - 1]] >= column - 1:
-            _join(parent, f - 1, f)
-        while rows[order[below]] < row - 1 or (rows[order[below]] == row - 1 and columns[order[below]] < column - 1):
-            below += 1
-        k = below
-        while rows[order[k]] == row - 1 and columns[order[k]] <= column + 1:
-            _join(parent, k, f)
-            k += 1
-    place = np.empty(count, dtype=np.int64)
-    place[order] = np.arange(count)
-    labels = np.empty(count, dtype=np.int64)
-    number = np.full(count, -1, dtype=np.int64)
-    clusters = 0
-    for cell in range(count):
-        root = _root(parent, place[cell])
-        if number[root] < 0:
-            number[root] = clusters
-            clusters += 1
-        labels[cell] = number[root]
-    return labels
-
-
-def cluster_labels(belief: Belief, frontiers: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the number of the cluster of each frontier cell, counted from 0 on.
+def cluster_labels(cells: NDArray[np.int64], width: int) -> NDArray[np.int64]:
+    """Return the number of the cluster of each cell of a grid, counted from 0 on.
 
     Cells of a cluster are connected through their eight neighbours; clusters are numbered by their first cells.
 
     Args:
-        belief: whose frontiers these are.
-        frontiers: centres of cells, metres, shape (m, 2), see `Mapper.frontiers`.
+        cells: flat numbers, ascending, none of them in the first or last column, int64, shape (m,), see
+            `Mapper.frontier_cells`.
+        width: cells in a row of the grid.
 
     Returns:
         int64, shape (m,).
     """
-    cells = np.floor((frontiers - np.array(belief.origin)) / belief.resolution).astype(np.int64)
-    columns, rows = np.ascontiguousarray(cells.T)
-    # Those of a mapper are in this order already, which a stable sort finds out fast.
-    order = np.argsort(rows * belief.shape[1] + columns, kind="stable")
-    labels: NDArray[np.int64] = _label(rows, columns, order)
+    count = len(cells)
+    parent = np.arange(count)
+    # The first cell that may touch one of the row above it; it only moves forward.
+    below = 0
+    for f in range(count):
+        if f and cells[f - 1] == cells[f] - 1:
+            _join(parent, f - 1, f)
+        while cells[below] < cells[f] - width - 1:
+            below += 1
+        k = below
+        while cells[k] <= cells[f] - width + 1:
+            _join(parent, k, f)
+            k += 1
+    labels = np.empty(count, dtype=np.int64)
+    number = np.full(count, -1, dtype=np.int64)
+    clusters = 0
+    for f in range(count):
+        root = _root(parent, f)
+        if number[root] < 0:
+            number[root] = clusters
+            clusters += 1
+        labels[f] = number[root]
     return labels
 
 

@@ -16,19 +16,12 @@ from common.planners.base import Position, TaskName
 from common.planners.exploration.clusters import cluster_labels, openings
 from common.planners.exploration.held_tour import HeldTour
 from common.planners.exploration.nearest import NearestPlanner
-from common.planners.exploration.ways import Paths, Ways, place_keys
+from common.planners.exploration.sight_rows import SightRows, row_digests, rows_within, see_any
+from common.planners.exploration.tour_problem import TourProblem
+from common.planners.exploration.ways import Paths, place_keys
 from common.planners.viewpoint_planner import ViewpointPlanner
 from common.planners.visibility import unknown_in_sight
-from common.system.jit import njit
-from common.tours import cover
-from common.tours.local_search import improve_tour, insert_all, tour_length
-from common.tours.prices import price_choices
-from common.tours.sighting import Visibility, add_seen, count_bits, pack_rows, remove_seen, set_of
 
-# Rounds in which a tour is improved, at most.
-ROUNDS: Final = 6
-# Tours that differ by less are equally long, metres.
-TIE: Final = 0.01
 # Stops of the tour to which a plan shows the way.
 STOPS_AHEAD: Final = 6
 # Rays that measure the unknown area that a viewpoint may show.
@@ -36,9 +29,6 @@ RAYS: Final = 45
 
 # Stands for a view and a gain that were never measured.
 _NEVER: Final = (-1, 0.0)
-_NO_STOPS: Final = np.empty(0, dtype=np.int64)
-# Frontier cells by viewpoint as sparse rows, see `Mapper.sightings`.
-_Rows = tuple[NDArray[np.int64], NDArray[np.int32]]
 
 
 class CoveringTourPlanner(ViewpointPlanner):
@@ -147,7 +137,7 @@ class CoveringTourPlanner(ViewpointPlanner):
         self, mapper: Mapper, pose: Pose, candidates: NDArray[np.int64], positions: NDArray[np.float64]
     ) -> list[int]:
         """Return the neighbour to go to and the next stops of the tour from there."""
-        labels = cluster_labels(mapper.belief, mapper.frontiers)
+        labels = cluster_labels(*mapper.frontier_cells)
         if openings(np.bincount(labels), mapper.belief.resolution, mapper.explored_area) > self._most_openings:
             # This ends as well: the number of openings changes with what is seen, and with nothing else.
             return self._nearest.choose(mapper, pose, candidates, positions)
@@ -168,14 +158,14 @@ class CoveringTourPlanner(ViewpointPlanner):
         self._paths.update(positions, mapper.adjacency)
         sizes = np.bincount(labels)[labels]
         pointer, seen = mapper.sightings()
-        near = _within(pointer, seen, positions, frontiers, self._cover_range)
+        near = rows_within(pointer, seen, positions, frontiers, self._cover_range)
         allowed = np.zeros(len(positions), dtype=np.bool_)
         allowed[candidates] = True
         large = sizes >= self._min_frontier
         extra = sizes >= self._min_remainder
         every = np.ones(len(frontiers), dtype=np.bool_)
 
-        def stages() -> Iterator[tuple[_Rows, NDArray[np.bool_], NDArray[np.bool_]]]:
+        def stages() -> Iterator[tuple[SightRows, NDArray[np.bool_], NDArray[np.bool_]]]:
             yield near, self._rewarding(mapper, near, frontiers, large, allowed, self._min_gain), large
             yield near, self._rewarding(mapper, near, frontiers, every, allowed, self._min_hidden), every
             yield near, allowed, large
@@ -183,8 +173,8 @@ class CoveringTourPlanner(ViewpointPlanner):
             yield (pointer, seen), allowed, every
 
         for rows, viewpoints, wanted in stages():
-            if _see_any(rows, wanted)[viewpoints].any():
-                tour = _Tour(mapper, self._paths, rows, labels, viewpoints, wanted, allowed, wanted | extra)
+            if see_any(rows, wanted)[viewpoints].any():
+                tour = TourProblem(mapper, self._paths, rows, labels, viewpoints, wanted, allowed, wanted | extra)
                 stops = tour.solve(self._last, self._detour)
                 if stops:
                     self._last = place_keys(positions[stops]).tolist()
@@ -194,7 +184,7 @@ class CoveringTourPlanner(ViewpointPlanner):
     def _rewarding(
         self,
         mapper: Mapper,
-        rows: _Rows,
+        rows: SightRows,
         frontiers: NDArray[np.float64],
         wanted: NDArray[np.bool_],
         allowed: NDArray[np.bool_],
@@ -204,10 +194,10 @@ class CoveringTourPlanner(ViewpointPlanner):
 
         A viewpoint's gain is measured again when the frontier cells that it sees have changed.
         """
-        nodes = np.flatnonzero(allowed & _see_any(rows, wanted))
+        nodes = np.flatnonzero(allowed & see_any(rows, wanted))
         positions = mapper.viewpoints[nodes]
         keys = place_keys(positions).tolist()
-        views = _digests(*rows, nodes, place_keys(frontiers)).tolist()
+        views = row_digests(*rows, nodes, place_keys(frontiers)).tolist()
         known = self._gains
         new = [k for k, (key, view) in enumerate(zip(keys, views, strict=True)) if known.get(key, _NEVER)[0] != view]
         most = max(self._min_gain, self._min_hidden)
@@ -217,183 +207,3 @@ class CoveringTourPlanner(ViewpointPlanner):
         worth = np.zeros(len(allowed), dtype=np.bool_)
         worth[[node for node, key in zip(nodes.tolist(), keys, strict=True) if known[key][1] >= enough]] = True
         return worth
-
-
-class _Tour:
-    """One decision's tour over some viewpoints, which are counted in the order of their node numbers."""
-
-    def __init__(
-        self,
-        mapper: Mapper,
-        paths: Paths,
-        rows: _Rows,
-        labels: NDArray[np.int64],
-        viewpoints: NDArray[np.bool_],
-        wanted: NDArray[np.bool_],
-        more_viewpoints: NDArray[np.bool_],
-        also_wanted: NDArray[np.bool_],
-    ) -> None:
-        """Collect what has to be seen, and what is worth to be seen on the way.
-
-        Args:
-            mapper: updated.
-            paths: brought up to date with it.
-            rows: frontier cells that each node sees from near enough.
-            labels: cluster of each frontier cell, which orders the cells.
-            viewpoints: nodes that may be stops, bool, shape (nodes,).
-            wanted: frontier cells that must be seen from them, where they can, bool, shape (frontiers,).
-            more_viewpoints: nodes that may be stops on the way.
-            also_wanted: frontier cells that are worth such a stop, the wanted ones included.
-        """
-        robot = mapper.robot
-        around = mapper.observe().waypoint_nodes()
-        member = more_viewpoints & _see_any(rows, also_wanted)
-        member[around] = True
-        member[robot] = True
-        nodes = np.flatnonzero(member)
-        self.ways = Ways(paths, nodes)
-        self.positions = mapper.viewpoints[nodes]
-        self.start, self.choices = int(np.searchsorted(nodes, robot)), np.searchsorted(nodes, around)
-        self.ways.look_up(np.array([self.start]))
-        reachable = np.isfinite(self.ways.lengths[self.start])
-        self.allowed = viewpoints[nodes] & _see_any(rows, wanted)[nodes] & reachable
-        self.more = more_viewpoints[nodes] & reachable
-        # Cells of a cluster, and neighbours within a row, lie near to each other.
-        order = np.flatnonzero(also_wanted)
-        order = order[np.argsort(labels[order], kind="stable")]
-        numbers = np.full(len(labels), -1, dtype=np.int64)
-        numbers[order] = np.arange(len(order))
-        self.sight: Visibility = pack_rows(*rows, nodes, numbers)
-        self.missing = self._seen_from(self.allowed) & set_of(numbers[wanted], self.sight.tiles)
-        self.extra = self._seen_from(self.more) & ~self.missing
-
-    def solve(self, last: list[int], detour: float) -> list[int]:
-        """Return the best neighbour and the stops of the tour from there, as node numbers.
-
-        Args:
-            last: keys of the last decision's stops, in order, see `place_keys`.
-            detour: metres that a stop for what need not be seen may add.
-        """
-        if not self.allowed.any():
-            return []
-        viewpoints = np.flatnonzero(self.allowed)
-        places = dict(zip(place_keys(self.positions[viewpoints]).tolist(), viewpoints.tolist(), strict=True))
-        kept = np.array([places[each] for each in last if each in places], dtype=np.int64)
-        stops = self._cover(_NO_STOPS)
-        if len(kept):
-            again = self._cover(kept)
-            if self._length(again) <= self._length(stops):
-                stops = again
-        rest = self.extra.copy()
-        sight, lengths = self.sight, self.ways.lengths
-        stops = cover.take_along(
-            sight.pointer, sight.tile, sight.mask, rest, self.more, lengths, self.start, stops, detour
-        )
-        self.ways.look_up(stops)
-        # What is taken along counts like the rest from here on: no other stop is left out for it.
-        missing = self.missing | (self.extra & ~rest)
-        if stops[0] != self.start:
-            stops = self._cheapest(stops, missing)
-        return [int(node) for node in self.ways.nodes[stops]]
-
-    def _cover(self, kept: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return a short tour that covers what is missing, and begins from the order `kept`."""
-        pointer, tile, mask = self.sight.pointer, self.sight.tile, self.sight.mask
-        lengths = self.ways.lengths
-        rest = self.missing.copy()
-        remove_seen(pointer, tile, mask, kept, rest)
-        gains = cover.count_gains(pointer, tile, mask, rest, self.allowed)
-        chosen = cover.greedy_cover(pointer, tile, mask, rest, gains, np.ones(len(gains)), count_bits(rest), 0)
-        self.ways.look_up(np.concatenate([kept, chosen]))
-        stops = insert_all(lengths, self.start, kept, chosen)
-        for _ in range(ROUNDS):
-            before = stops
-            # Stops that have moved must know their ways before the next round.
-            stops = cover.improve_cover(
-                pointer, tile, mask, self.missing, self.allowed, lengths, self.start, before, 0, 1
-            )
-            self.ways.look_up(stops)
-            if np.array_equal(stops, before):
-                return stops
-        improve_tour(lengths, self.start, stops)
-        return stops
-
-    def _cheapest(self, stops: NDArray[np.int64], missing: NDArray[np.uint64]) -> NDArray[np.int64]:
-        """Return the neighbour over which the tour is shortest, and the stops that remain from there."""
-        sight, choices = self.sight, self.choices
-        allowed = self.allowed | self.more
-        orders = np.zeros((len(choices), len(stops)), dtype=np.int64)
-        sizes = np.zeros(len(choices), dtype=np.int64)
-        prices = price_choices(
-            sight.pointer, sight.tile, sight.mask, missing, allowed, self.ways.lengths, stops, choices, 0, orders, sizes
-        )
-        legs = self.ways.lengths[self.start, choices]
-        totals = legs + prices
-        # The nearest of equally good ones: the more often the robot looks around, the sooner it knows better.
-        best = int(np.argmin(np.where(totals <= totals.min() + TIE, legs, np.inf)))
-        return np.concatenate([choices[best : best + 1], orders[best, : sizes[best]]])
-
-    def _length(self, stops: NDArray[np.int64]) -> float:
-        return float(tour_length(self.ways.lengths, self.start, stops))
-
-    def _seen_from(self, viewpoints: NDArray[np.bool_]) -> NDArray[np.uint64]:
-        words = np.zeros(self.sight.tiles, dtype=np.uint64)
-        add_seen(self.sight.pointer, self.sight.tile, self.sight.mask, np.flatnonzero(viewpoints), words)
-        return words
-
-
-@njit(cache=True, nogil=True)
-def _within(
-    pointer: NDArray[np.int64],
-    seen: NDArray[np.int32],
-    positions: NDArray[np.float64],
-    frontiers: NDArray[np.float64],
-    reach: float,
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Return the rows of `Mapper.sightings` without the cells that are farther than `reach`, metres."""
-    begin = np.zeros(len(pointer), dtype=np.int64)
-    kept = np.empty(len(seen), dtype=np.int32)
-    size = 0
-    for node in range(len(positions)):
-        for k in range(pointer[node], pointer[node + 1]):
-            x = frontiers[seen[k], 0] - positions[node, 0]
-            y = frontiers[seen[k], 1] - positions[node, 1]
-            if x * x + y * y <= reach * reach:
-                kept[size] = seen[k]
-                size += 1
-        begin[node + 1] = size
-    return begin, kept[:size]
-
-
-@njit(cache=True, nogil=True)
-def _digests(
-    pointer: NDArray[np.int64], seen: NDArray[np.int32], nodes: NDArray[np.int64], cells: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Return a number that tells apart which cells each of some nodes sees; never negative."""
-    digests = np.zeros(len(nodes), dtype=np.int64)
-    for n in range(len(nodes)):
-        digest = np.uint64(0)
-        for k in range(pointer[nodes[n]], pointer[nodes[n] + 1]):
-            # Multiplications by odd constants (SplitMix64) spread the bits; the sum does not depend on the order.
-            word = np.uint64(cells[seen[k]]) * np.uint64(0x9E3779B97F4A7C15)
-            word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-            digest += word ^ (word >> np.uint64(27))
-        digests[n] = np.int64(digest >> np.uint64(1))
-    return digests
-
-
-def _see_any(rows: _Rows, wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which nodes see any of the wanted cells, bool, shape (nodes,)."""
-    seeing: NDArray[np.bool_] = _any_of(*rows, wanted)
-    return seeing
-
-
-@njit(cache=True, nogil=True)
-def _any_of(pointer: NDArray[np.int64], seen: NDArray[np.int32], wanted: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    seeing = np.zeros(len(pointer) - 1, dtype=np.bool_)
-    for node in range(len(seeing)):
-        for k in range(pointer[node], pointer[node + 1]):
-            if wanted[seen[k]]:
-                seeing[node] = True
-                break
-    return seeing

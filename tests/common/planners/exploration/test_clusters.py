@@ -6,7 +6,6 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from common.mapping.belief import Belief
 from common.planners.exploration.clusters import cluster_labels, openings
 
 
@@ -26,9 +25,8 @@ def _plain_labels(cells: list[tuple[int, int]]) -> list[set[tuple[int, int]]]:
 @given(st.sets(st.tuples(st.integers(0, 11), st.integers(0, 7)), min_size=1))
 def test_labels_part_cells_into_what_eight_neighbours_connect(chosen: set[tuple[int, int]]) -> None:
     cells = sorted(chosen, key=lambda cell: cell[::-1])
-    belief = Belief(0.25, 10.0, anchor=(0.0, 0.0), bounds=(0.0, 0.0, 3.0, 2.0))
-    frontiers = (np.array(cells) + 0.5) * belief.resolution + np.array(belief.origin)
-    labels = cluster_labels(belief, frontiers).tolist()
+    # With a margin of one cell to either side, as the padded grid has it.
+    labels = cluster_labels(np.array([14 * y + x + 1 for x, y in cells]), 14).tolist()
     found: dict[int, set[tuple[int, int]]] = {}
     for cell, number in zip(cells, labels, strict=True):
         found.setdefault(number, set()).add(cell)
@@ -37,8 +35,7 @@ def test_labels_part_cells_into_what_eight_neighbours_connect(chosen: set[tuple[
 
 
 def test_no_frontiers_have_no_labels() -> None:
-    belief = Belief(0.25, 10.0, anchor=(0.0, 0.0), bounds=(0.0, 0.0, 3.0, 2.0))
-    assert len(cluster_labels(belief, np.empty((0, 2)))) == 0
+    assert len(cluster_labels(np.empty(0, dtype=np.int64), 14)) == 0
 
 
 def test_openings_are_clusters_of_some_length_on_a_hundred_square_metres() -> None:
