@@ -1,9 +1,10 @@
 """One learner with many light senders: who is heard, how soon, and what the learner needs for it.
 
-`python -m benchmarks.crowd [--senders 1000] [--processes 8] [--seconds 150] [--rate 0.1]`: real deliveries of an
-episode's report each, `rate` a second and sender, to a real learner (`hd-learner start`, a small network). Prints the
-share of messages that were acknowledged, the fewest and the most of one sender, the median and the 99th percentile of
-the time to an acknowledgement, the learner's memory and how long it took to answer `status`.
+`python -m benchmarks.crowd [--senders 1000] [--processes 8] [--seconds 150] [--rate 0.1] [--steps 0]`: real
+deliveries, `rate` a second and sender, to a real learner (`hd-learner start`, a small network): an episode's report
+each, or with `--steps` an episode of so many steps in one chunk. Prints the share of messages that were acknowledged,
+the share of the sender with the least, the median and the 99th percentile of the time to an acknowledgement, the
+learner's memory and how long it took to answer `status`.
 """
 
 from __future__ import annotations
@@ -27,16 +28,20 @@ from common.bus.keys import Keys
 from common.bus.session import new_incarnation, open_client_session
 from common.bus.spec import fetch_spec
 from common.config import BusConfig
-from common.messages.experience import Delivery
+from common.messages.experience import Chunk, Delivery, End, EpisodeReport
 from common.messages.replies import Ack
 from common.messages.schema import decode, encode
 from common.system.runtime import process_environment, python_module
-from tests.learner.experience import episode_report
+from tests.learner.experience import episode_chunks, episode_report, observation_pool
 from tests.rigs.learner import Learner
 
 RUN = "test"
 ANSWER_SECONDS = 30.0
 START_SECONDS = 180.0
+# Of the observations in chunks, on average those of an exploration of a benchmark map.
+VIEWPOINTS = (130, 240)
+# Different chunks that the senders of one process deliver in turn.
+CHUNKS = 16
 
 
 @dataclass(slots=True)
@@ -54,19 +59,36 @@ class Heard:
     waits: list[float] = field(default_factory=list)
 
 
-def send(endpoint: str, name: str, senders: int, seconds: float, rate: float) -> Heard:
+def bodies(steps: int) -> list[Chunk] | list[EpisodeReport]:
+    """Return what the senders deliver in turn: a report, or chunks of so many steps, each a whole episode."""
+    if not steps:
+        return [episode_report()]
+    random_numbers = np.random.default_rng(0)
+    pool = observation_pool(viewpoints=VIEWPOINTS)
+    return [
+        chunk
+        for episode in range(CHUNKS)
+        for chunk in episode_chunks(random_numbers, pool, steps, steps, End.TERMINAL, episode=episode)
+    ]
+
+
+def send(endpoint: str, name: str, senders: int, seconds: float, rate: float, steps: int) -> Heard:
     """Be so many senders, each with messages at random moments, for so long."""
     heard = Heard([0] * senders, [0] * senders)
+    delivered = bodies(steps)
     lock, keys, chance = threading.Lock(), Keys(RUN), random.Random(name)
     incarnation = new_incarnation()
     due = sorted((chance.expovariate(rate), number) for number in range(senders))
     with open_client_session(BusConfig(), [endpoint]) as session:
         fetch_spec(session, RUN, START_SECONDS)
+        at_body = 0
         began = time.monotonic()
         while due and due[0][0] < seconds:
             at, number = due.pop(0)
             time.sleep(max(0.0, began + at - time.monotonic()))
-            _deliver(session, keys, f"{name}-{number}", number, incarnation, heard, lock)
+            message = Delivery(f"{name}-{number}", incarnation, heard.sent[number], delivered[at_body % len(delivered)])
+            _deliver(session, keys, number, message, heard, lock)
+            at_body += 1
             due.append((at + chance.expovariate(rate), number))
             due.sort()
         end = time.monotonic() + ANSWER_SECONDS
@@ -76,7 +98,7 @@ def send(endpoint: str, name: str, senders: int, seconds: float, rate: float) ->
 
 
 def _deliver(
-    session: zenoh.Session, keys: Keys, actor: str, number: int, incarnation: int, heard: Heard, lock: threading.Lock
+    session: zenoh.Session, keys: Keys, number: int, delivery: Delivery, heard: Heard, lock: threading.Lock
 ) -> None:
     asked = time.monotonic()
 
@@ -86,13 +108,14 @@ def _deliver(
                 heard.acknowledged[number] += 1
                 heard.waits.append(time.monotonic() - asked)
 
-    message = encode(Delivery(actor, incarnation, heard.sent[number], episode_report()))
     heard.sent[number] += 1
     handler = zenoh.handlers.Callback(answered, lambda: None, indirect=False)
-    session.get(keys.experience(actor), handler, payload=message, timeout=ANSWER_SECONDS)
+    session.get(keys.experience(delivery.actor), handler, payload=encode(delivery), timeout=ANSWER_SECONDS)
 
 
-def run(senders: int = 1000, processes: int = 8, seconds: float = 150.0, rate: float = 0.1) -> dict[str, float]:
+def run(
+    senders: int = 1000, processes: int = 8, seconds: float = 150.0, rate: float = 0.1, steps: int = 0
+) -> dict[str, float]:
     """Let the crowd deliver; return what came of it."""
     with tempfile.TemporaryDirectory() as folder:
         learner = Learner(Path(folder))
@@ -102,7 +125,7 @@ def run(senders: int = 1000, processes: int = 8, seconds: float = 150.0, rate: f
                 fetch_spec(session, RUN, START_SECONDS)
             assert learner.process is not None
             memory = psutil.Process(learner.process.pid).memory_info().rss
-            orders = [learner.endpoint, str(senders // processes), str(seconds), str(rate)]
+            orders = [learner.endpoint, str(senders // processes), str(seconds), str(rate), str(steps)]
             crowd = [
                 subprocess.Popen(
                     [*python_module("benchmarks.crowd", "--be", f"crowd{number}"), "--orders", *orders],
@@ -145,15 +168,16 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=8)
     parser.add_argument("--seconds", type=float, default=150.0)
     parser.add_argument("--rate", type=float, default=0.1)
+    parser.add_argument("--steps", type=int, default=0)
     parser.add_argument("--be", help=argparse.SUPPRESS)
-    parser.add_argument("--orders", nargs=4, help=argparse.SUPPRESS)
+    parser.add_argument("--orders", nargs=5, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.be:
-        endpoint, senders, seconds, rate = given.orders
-        heard = send(endpoint, given.be, int(senders), float(seconds), float(rate))
+        endpoint, senders, seconds, rate, steps = given.orders
+        heard = send(endpoint, given.be, int(senders), float(seconds), float(rate), int(steps))
         json.dump({"sent": heard.sent, "acknowledged": heard.acknowledged, "waits": heard.waits}, sys.stdout)
         return
-    for name, value in run(given.senders, given.processes, given.seconds, given.rate).items():
+    for name, value in run(given.senders, given.processes, given.seconds, given.rate, given.steps).items():
         print(f"{name:45s} {value:12.3f}")
 
 
