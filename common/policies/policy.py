@@ -13,6 +13,7 @@ from common.network.graph_arrays import GraphArrays
 from common.network.inference import DecisionNetwork, make_inference
 from common.network.parameters import Arrays, check_parameters, initial_parameters, parameter_shapes
 from common.observations.observation import Observation, ObservationBatch
+from common.system.blas import one_blas_thread
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +111,8 @@ class Policy:
                 f"an observation needs a beacon and a waypoint to decide, got {len(beacons)} beacons and "
                 f"{len(waypoints)} waypoints: the episode should have ended"
             )
-        log_beacon, log_waypoint = self._network(graph)
+        with one_blas_thread():
+            log_beacon, log_waypoint = self._network(graph)
         log_joint = log_beacon[:, None] + log_waypoint
         joint = np.exp(log_joint)
         marginal = joint.sum(axis=0)

@@ -19,6 +19,8 @@ from types import FrameType
 def ended_by_signals() -> Iterator[None]:
     """End with one line and status 130 or 143 on SIGINT or SIGTERM, unless what runs within the `with` takes them.
 
+    Matrix products of numpy take one thread in a command, and in what it starts, unless its user says otherwise.
+
     Usage::
 
         with ended_by_signals():
@@ -27,6 +29,8 @@ def ended_by_signals() -> Iterator[None]:
             app()
     """
     signal.signal(signal.SIGTERM, _terminate)
+    # Read when numpy is loaded. Products here are small (`common.system.blas`); the learner's are torch's.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         yield
     except KeyboardInterrupt:

@@ -1,5 +1,6 @@
 """How commands begin: help comes at once, and signals are heard from the first moment."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -34,6 +35,12 @@ with ended_by_signals():
     print("importing", flush=True)
     time.sleep(60.0)
 """
+THREADS = """
+from common.system.entry import ended_by_signals
+with ended_by_signals():
+    import numpy, threadpoolctl
+    print(*(each["num_threads"] for each in threadpoolctl.threadpool_info()))
+"""
 
 
 def test_help_needs_no_extra_and_imports_nothing_that_takes_long():
@@ -56,3 +63,12 @@ def test_a_signal_ends_a_command_that_still_imports_in_one_line(number, status, 
         process.send_signal(number)
         assert process.stderr.read() == line
     assert process.returncode == status
+
+
+@pytest.mark.parametrize(("chosen", "threads"), [(None, "1"), ("2", "2")])
+def test_products_of_a_command_take_one_thread_unless_its_user_says_otherwise(chosen, threads):
+    numerical = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+    environment = {name: value for name, value in os.environ.items() if name not in numerical}
+    environment |= {} if chosen is None else {"OPENBLAS_NUM_THREADS": chosen}
+    told = subprocess.run([sys.executable, "-c", THREADS], capture_output=True, text=True, check=True, env=environment)
+    assert told.stdout == f"{threads}\n"
