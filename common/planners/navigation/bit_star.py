@@ -80,7 +80,9 @@ class BitStarPlanner(FreeSpacePlanner):
         del changed
 
     def route(self, start: Position, goal: Position) -> list[Position] | None:
-        """Search with a fresh tree."""
+        """Search with a fresh tree, where there is a way at all: a search for none would not end soon."""
+        if not self.space.joined(start, goal):
+            return None
         base, geometric, util = self._ompl
         util.RNG.setSeed(int(self._random.integers(1, 1 << 31)))
         information, space = self._space()

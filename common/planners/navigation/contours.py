@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from common.mapping.sight import OCCUPIED, Box
 from common.system.jit import njit
 
 # Steps of the headings east, north, west and south.
@@ -23,6 +24,7 @@ _RIGHT_Y: Final = np.array([-1, 0, 0, -1], dtype=np.int64)
 @njit(cache=True, nogil=True)
 def _trace(
     solid: NDArray[np.bool_],
+    starts: NDArray[np.int64],
     step_x: NDArray[np.int64],
     step_y: NDArray[np.int64],
     left_x: NDArray[np.int64],
@@ -36,39 +38,35 @@ def _trace(
     corners = np.empty((1024, 2), dtype=np.int32)
     ends = np.empty(64, dtype=np.int64)
     count = contours = 0
-    for row in range(1, rows):
-        for column in range(columns):
-            # Every closed border runs east somewhere: below a solid cell.
-            if not solid[row, column] or solid[row - 1, column] or seen[row, column]:
-                continue
-            x, y, heading = column, row, 0
-            first = count
-            while not (heading == 0 and seen[y, x]):
-                if heading == 0:
-                    seen[y, x] = True
-                x += step_x[heading]
-                y += step_y[heading]
-                turn = 0
-                # Solid cells that meet in a corner belong together: nothing passes between them.
-                if solid[y + right_y[heading], x + right_x[heading]]:
-                    turn = -1
-                elif not solid[y + left_y[heading], x + left_x[heading]]:
-                    turn = 1
-                if turn:
-                    heading = (heading + turn) % 4
-                    if count == len(corners):
-                        more = np.empty((2 * count, 2), dtype=np.int32)
-                        more[:count] = corners
-                        corners = more
-                    corners[count, 0], corners[count, 1] = x, y
-                    count += 1
-            if contours == len(ends):
-                longer = np.empty(2 * contours, dtype=np.int64)
-                longer[:contours] = ends
-                ends = longer
-            ends[contours] = count
-            contours += 1
-            assert count > first
+    for start in starts:
+        x, y, heading = start % columns, start // columns, 0
+        if seen[y, x]:
+            continue
+        while not (heading == 0 and seen[y, x]):
+            if heading == 0:
+                seen[y, x] = True
+            x += step_x[heading]
+            y += step_y[heading]
+            turn = 0
+            # Solid cells that meet in a corner belong together: nothing passes between them.
+            if solid[y + right_y[heading], x + right_x[heading]]:
+                turn = -1
+            elif not solid[y + left_y[heading], x + left_x[heading]]:
+                turn = 1
+            if turn:
+                heading = (heading + turn) % 4
+                if count == len(corners):
+                    more = np.empty((2 * count, 2), dtype=np.int32)
+                    more[:count] = corners
+                    corners = more
+                corners[count, 0], corners[count, 1] = x, y
+                count += 1
+        if contours == len(ends):
+            longer = np.empty(2 * contours, dtype=np.int64)
+            longer[:contours] = ends
+            ends = longer
+        ends[contours] = count
+        contours += 1
     return corners[:count], ends[:contours]
 
 
@@ -120,8 +118,37 @@ def trace(solid: NDArray[np.bool_]) -> list[NDArray[np.int32]]:
         on the left: outer borders run counter-clockwise, those of holes clockwise. Cells that touch in a corner belong
         together.
     """
-    corners, ends = _trace(solid, _STEP_X, _STEP_Y, _LEFT_X, _LEFT_Y, _RIGHT_X, _RIGHT_Y)
+    corners, ends = _borders(solid)
     return np.split(corners, ends[:-1]) if len(ends) else []
+
+
+def _borders(solid: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Return the corners of all contours, one behind the other, and where each ends; see `trace`."""
+    # Every closed border runs east somewhere: below a solid cell.
+    starts = np.flatnonzero(solid[1:] & ~solid[:-1]) + solid.shape[1]
+    corners, ends = _trace(solid, starts, _STEP_X, _STEP_Y, _LEFT_X, _LEFT_Y, _RIGHT_X, _RIGHT_Y)
+    return corners, ends
+
+
+@njit(cache=True, nogil=True)
+def _convex(corners: NDArray[np.int32], ends: NDArray[np.int64], tolerance: float) -> NDArray[np.int32]:
+    """Return the convex corners of all contours; see `convex_corners`."""
+    found = np.empty((len(corners), 6), dtype=np.int32)
+    count = 0
+    begin = 0
+    for end in ends:
+        contour = corners[begin:end]
+        begin = end
+        polygon = contour[np.flatnonzero(_simplify(contour, tolerance))]
+        n = len(polygon)
+        for k in range(n):
+            before, corner, after = polygon[k - 1], polygon[k], polygon[(k + 1) % n]
+            arrived_x, arrived_y = np.int64(corner[0]) - before[0], np.int64(corner[1]) - before[1]
+            leaves_x, leaves_y = np.int64(after[0]) - corner[0], np.int64(after[1]) - corner[1]
+            if arrived_x * leaves_y - arrived_y * leaves_x > 0:
+                found[count, 0:2], found[count, 2:4], found[count, 4:6] = corner, before, after
+                count += 1
+    return found[:count].copy()
 
 
 def convex_corners(solid: NDArray[np.bool_], tolerance: float) -> NDArray[np.int32]:
@@ -136,23 +163,24 @@ def convex_corners(solid: NDArray[np.bool_], tolerance: float) -> NDArray[np.int
     Returns:
         Corner, the polygon's corner before it and the one after it, (x, y) each, int32, shape (n, 6).
     """
-    found = []
-    for contour in trace(solid):
-        polygon = contour[_simplify(contour, tolerance)].astype(np.int64)
-        before, after = np.roll(polygon, 1, axis=0), np.roll(polygon, -1, axis=0)
-        arrived, leaves = polygon - before, after - polygon
-        convex = arrived[:, 0] * leaves[:, 1] - arrived[:, 1] * leaves[:, 0] > 0
-        found.append(np.concatenate([polygon, before, after], axis=1)[convex])
-    return np.concatenate(found).astype(np.int32) if found else np.empty((0, 6), dtype=np.int32)
+    corners: NDArray[np.int32] = _convex(*_borders(solid), tolerance)
+    return corners
 
 
 @njit(cache=True, nogil=True)
-def thicken(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the cells that are occupied or touch an occupied one, bool; the outermost ring must not be occupied."""
-    rows, columns = occupied.shape
-    out = np.zeros((rows, columns), dtype=np.bool_)
-    for row in range(1, rows - 1):
-        for column in range(1, columns - 1):
-            if occupied[row, column]:
-                out[row - 1 : row + 2, column - 1 : column + 2] = True
-    return out
+def thicken(cells: NDArray[np.int8], solid: NDArray[np.bool_], box: Box) -> None:
+    """Bring up to date which cells are occupied or touch an occupied one.
+
+    Args:
+        cells: grid, int8; nothing in its outermost ring is occupied.
+        solid: bool, shape of the grid, whose outermost ring is False.
+        box: of the cells that have changed.
+    """
+    rows, columns = cells.shape
+    for row in range(max(box[0] - 1, 1), min(box[1] + 2, rows - 1)):
+        for column in range(max(box[2] - 1, 1), min(box[3] + 2, columns - 1)):
+            touches = False
+            for r in range(row - 1, row + 2):
+                for c in range(column - 1, column + 2):
+                    touches |= cells[r, c] == OCCUPIED
+            solid[row, column] = touches

@@ -46,12 +46,16 @@ class FarPlanner(FreeSpacePlanner):
         clear = self.space.clear
         if self.space.resized:
             self._graph.clear()
+            self._cells = np.zeros(clear.shape, dtype=np.int8)
         if changed is not None:
             # The end of the grid is no obstacle: nothing is known there.
             ring = ceil(self.config.robot_radius / self.config.resolution) + 2
-            self._cells = np.zeros(clear.shape, dtype=np.int8)
-            inside = np.s_[ring:-ring, ring:-ring]
-            self._cells[inside] = np.where(clear[inside] == CLEAR_CELL, FREE, OCCUPIED)
+            rows, columns = clear.shape
+            part = np.s_[
+                max(changed[0], ring) : min(changed[1] + 1, rows - ring),
+                max(changed[2], ring) : min(changed[3] + 1, columns - ring),
+            ]
+            self._cells[part] = np.where(clear[part] == CLEAR_CELL, FREE, OCCUPIED)
             self._graph.update(self._cells, changed)
 
     def route(self, start: Position, goal: Position) -> list[Position] | None:

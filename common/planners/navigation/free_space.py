@@ -39,11 +39,10 @@ class FreeSpacePlanner(NavigationPlanner):
         if self._asked is not None:
             self._follower.note_stop(pose.distance_to(self._asked[1]))
         for _ in range(MAX_PATHS):
-            changed = self.space.update(mapper.belief, pose.position, target)
-            if not self.space.joined(pose.position, target):
-                return Plan(Status.UNREACHABLE, reason=unreachable(mapper, target))
-            self.take_in(changed)
+            self.take_in(self.space.update(mapper.belief, pose.position, target))
             path = self._path(pose, target)
+            if path is None:
+                return Plan(Status.UNREACHABLE, reason=unreachable(mapper, target))
             if as_near_as_possible(pose, path, target, self._follower.near):
                 return Plan(Status.COMPLETE, reason="the robot is as near to the target as it fits")
             waypoint = self._follower.reach(mapper, pose, path)
@@ -72,14 +71,16 @@ class FreeSpacePlanner(NavigationPlanner):
             The bends of the path, metres, without the start, the goal last; None when none was found.
         """
 
-    def _path(self, pose: Pose, target: Position) -> list[Position]:
-        """Return a path to a target that the robot might get to, or to where it is as near as it fits."""
+    def _path(self, pose: Pose, target: Position) -> list[Position] | None:
+        """Return a path to a target, or to where the robot is as near to it as it fits; None when there is no way."""
         space = self.space
-        goal = target if space.at_ease(target) else space.near(target, self._arrival_radius)
-        if goal is not None and space.at_ease(pose.position):
+        begins, ends = space.at_ease(pose.position), space.at_ease(target)
+        # A straight-lined path from place to place proves that there is a way, which costs less than to look for one.
+        if not (begins and ends) and not space.joined(pose.position, target):
+            return None
+        goal = target if ends else space.near(target, self._arrival_radius)
+        if begins and goal is not None:
             path = self.route(pose.position, goal)
             if path is not None:
                 return path
-        way = space.way(pose.position, target)
-        assert way is not None, "the two were joined"
-        return way
+        return space.way(pose.position, target)

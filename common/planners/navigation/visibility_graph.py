@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.mapping.raycast import SUBCELL_BITS
-from common.mapping.sight import CLEAR, OCCUPIED, Box, blocker, may_touch
+from common.mapping.sight import CLEAR, Box, blocker, may_touch
 from common.planners.navigation.contours import convex_corners, thicken
 from common.system.jit import njit
 
@@ -31,18 +31,30 @@ def _connect(
     cells: NDArray[np.int8],
     width: int,
     corners: NDArray[np.int32],
-    fresh: NDArray[np.bool_],
+    old: NDArray[np.int64],
+    were: NDArray[np.bool_],
     visible: NDArray[np.bool_],
     box: Box,
 ) -> int:
-    """Test all pairs with a fresh corner and those whose line may touch a box; return how many were tested."""
+    """Test all pairs with a fresh corner and those whose line may touch a box; return how many were tested.
+
+    Args:
+        cells: grid, flat, int8.
+        width: its cells per row.
+        corners: see `VisibilityGraph`.
+        old: number that each corner had before, -1 for a fresh one.
+        were: pairs joined before, by these numbers.
+        visible: receives the joined pairs, bool, shape (n, n).
+        box: of cells that have changed.
+    """
     tested = 0
     n = len(corners)
     for a in range(n):
         x0, y0 = corners[a, 0] << SUBCELL_BITS, corners[a, 1] << SUBCELL_BITS
         for b in range(a):
             x1, y1 = corners[b, 0] << SUBCELL_BITS, corners[b, 1] << SUBCELL_BITS
-            if not (fresh[a] or fresh[b] or may_touch(x0, y0, x1, y1, box)):
+            if old[a] >= 0 and old[b] >= 0 and not may_touch(x0, y0, x1, y1, box):
+                visible[a, b] = visible[b, a] = were[old[a], old[b]]
                 continue
             clear = False
             if _touches(corners[a], corners[b, 0], corners[b, 1]) and _touches(
@@ -52,6 +64,16 @@ def _connect(
                 clear = blocker(cells, width, x0, y0, x1, y1) == CLEAR
             visible[a, b] = visible[b, a] = clear
     return tested
+
+
+def _numbers_of(corners: NDArray[np.int32], among: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Return the place of each corner among others, -1 where it is none of them; both int32, shape (n, 6)."""
+    if not len(among):
+        return np.full(len(corners), -1, dtype=np.int64)
+    names, wanted = (np.ascontiguousarray(each).view(np.dtype((np.void, 24))).reshape(-1) for each in (among, corners))
+    order = np.argsort(names)
+    found = order[np.minimum(np.searchsorted(names, wanted, sorter=order), len(order) - 1)]
+    return np.where(names[found] == wanted, found, -1)
 
 
 @njit(cache=True, nogil=True)
@@ -128,6 +150,7 @@ class VisibilityGraph:
         self.corners = np.empty((0, 6), dtype=np.int32)
         self.visible = np.empty((0, 0), dtype=np.bool_)
         self.tested = self.kept = 0
+        self._solid = np.empty((0, 0), dtype=np.bool_)
 
     def update(self, possible: NDArray[np.int8], changed: Box) -> None:
         """Bring corners and pairs up to date.
@@ -136,16 +159,17 @@ class VisibilityGraph:
             possible: grid, int8, occupied or free; nothing near its border is occupied.
             changed: box of the cells that changed since the last update.
         """
-        corners = convex_corners(thicken(possible == OCCUPIED), TOLERANCE)
-        numbers = {key: k for k, key in enumerate(map(tuple, self.corners.tolist()))}
-        old = np.array([numbers.get(key, -1) for key in map(tuple, corners.tolist())], dtype=np.int64)
-        fresh = old < 0
+        if self._solid.shape != possible.shape:
+            self._solid = np.zeros(possible.shape, dtype=np.bool_)
+            changed = (0, possible.shape[0] - 1, 0, possible.shape[1] - 1)
+        thicken(possible, self._solid, changed)
+        corners = convex_corners(self._solid, TOLERANCE)
+        old = _numbers_of(corners, self.corners)
         visible = np.zeros((len(corners), len(corners)), dtype=np.bool_)
-        kept = np.flatnonzero(~fresh)
-        visible[np.ix_(kept, kept)] = self.visible[np.ix_(old[kept], old[kept])]
-        self.kept = len(kept)
+        flat = possible.reshape(-1)
+        self.tested = int(_connect(flat, possible.shape[1], corners, old, self.visible, visible, changed))
+        self.kept = int(np.count_nonzero(old >= 0))
         self.corners, self.visible = corners, visible
-        self.tested = int(_connect(possible.reshape(-1), possible.shape[1], corners, fresh, visible, changed))
 
     def path(
         self, possible: NDArray[np.int8], start: tuple[int, int], goal: tuple[int, int]

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from common.mapping.sight import FREE, OCCUPIED
 from common.planners.navigation.contours import convex_corners, thicken, trace
 
 Mask = NDArray[np.bool_]
@@ -25,6 +26,35 @@ def area(contour: NDArray[np.int32]) -> float:
 masks = st.tuples(st.integers(1, 9), st.integers(1, 9), st.integers(0, 2**32 - 1), st.floats(0.1, 0.9)).map(
     lambda t: np.pad(np.random.default_rng(t[2]).random((t[0], t[1])) < t[3], 2)
 )
+
+
+def thickened(occupied: Mask, before: Mask | None = None) -> Mask:
+    """Thickened anew, or after a change from the cells before, within the box of what has changed."""
+    solid = np.zeros(occupied.shape, dtype=np.bool_)
+    everything = (0, occupied.shape[0] - 1, 0, occupied.shape[1] - 1)
+    if before is None:
+        thicken(np.where(occupied, OCCUPIED, FREE).astype(np.int8), solid, everything)
+        return solid
+    thicken(np.where(before, OCCUPIED, FREE).astype(np.int8), solid, everything)
+    rows, columns = np.nonzero(occupied != before)
+    if len(rows):
+        box = (int(rows.min()), int(rows.max()), int(columns.min()), int(columns.max()))
+        thicken(np.where(occupied, OCCUPIED, FREE).astype(np.int8), solid, box)
+    return solid
+
+
+@settings(max_examples=100, deadline=None)
+@given(masks, st.integers(0, 2**32 - 1), st.floats(0.0, 0.5))
+def test_what_is_thickened_follows_changes(occupied: Mask, seed: int, share: float) -> None:
+    changed = np.zeros_like(occupied)
+    changed[2:-2, 2:-2] = np.random.default_rng(seed).random(np.subtract(occupied.shape, 4)) < share
+    after = occupied ^ changed
+    expected = np.zeros_like(after)
+    for down in (-1, 0, 1):
+        for right in (-1, 0, 1):
+            expected |= np.roll(after, (down, right), axis=(0, 1))
+    assert np.array_equal(thickened(after, before=occupied), expected)
+    assert np.array_equal(thickened(after), expected)
 
 
 def test_a_rectangle_is_its_four_corners_counter_clockwise() -> None:
@@ -94,7 +124,7 @@ def test_a_staircase_becomes_a_straight_side() -> None:
 @given(masks)
 def test_no_side_of_a_polygon_touches_what_was_thickened(occupied: Mask) -> None:
     """This is what makes visibility graphs of thickened obstacles safe."""
-    solid = thicken(occupied)
+    solid = thickened(occupied)
     assert np.all(solid[occupied])
     rows, columns = np.nonzero(occupied)
     for x, y, before_x, before_y, after_x, after_y in convex_corners(solid, 0.95).tolist():
