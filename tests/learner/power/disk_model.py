@@ -1,15 +1,16 @@
 """A disk that forgets: what a power failure may leave of the file operations that `record_io.c` has recorded.
 
 Everything that was synced before the failure is there. Of everything else, each file and each folder keeps by itself
-nothing, all, the earlier part, or any selection; a write may also be there in part, or as zeros of its length. That is
-more than any real file system loses.
+what its `Kept` says, which is drawn; a write may also be there in part, or as zeros of its length. That is more than
+any real file system loses.
 """
 
 from __future__ import annotations
 
+import enum
 import random
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
@@ -39,6 +40,15 @@ def read_log(path: Path) -> list[Operation]:
     return operations
 
 
+class Kept(enum.Enum):
+    """What a file or a folder keeps of the changes that were not synced."""
+
+    NONE = "none"
+    ALL = "all"
+    EARLIER = "earlier"
+    ANY = "any"
+
+
 class _Node:
     """A file or a folder: what is on the disk for certain, and the changes since."""
 
@@ -61,9 +71,11 @@ class DiskModel:
 
     Args:
         root: the recorded folder, empty and on the disk when recording began.
+        kept: what files and folders may keep of the changes that were not synced.
     """
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, kept: Sequence[Kept] = tuple(Kept)) -> None:
+        self._kept = kept
         self._root_path = PurePosixPath(root)
         self._root = _Node(folder=True)
         self._inodes: dict[int, _Node] = {}
@@ -109,8 +121,8 @@ class DiskModel:
 
     def crash(self, out: Path, chance: random.Random) -> None:
         """Write one thing that may be left of the recorded folder into the folder ``out``."""
-        for name, node in _left(self._root, chance).items():
-            _write(node, out / name, chance)
+        for name, node in self._left(self._root, chance).items():
+            self._write(node, out / name, chance)
 
     def _place(self, path: bytes) -> tuple[_Node, str]:
         parts = PurePosixPath(path.decode()).relative_to(self._root_path).parts
@@ -119,21 +131,38 @@ class DiskModel:
             folder = folder.entries[part]
         return folder, parts[-1]
 
+    def _left(self, node: _Node, chance: random.Random):
+        """What is left of a node's own content."""
+        content = node.durable.copy()
+        for change in selection(node.pending, chance.choice(self._kept), chance):
+            broken = change[0] == "write" and chance.random() < 0.2
+            _apply(content, _broken(change, chance) if broken else change)
+        return content
 
-def _left(node: _Node, chance: random.Random):
-    """What is left of a node's own content."""
-    content = node.durable.copy()
-    for change in _selection(node.pending, chance):
-        broken = change[0] == "write" and chance.random() < 0.2
-        _apply(content, _broken(change, chance) if broken else change)
-    return content
+    def _write(self, node: _Node, path: Path, chance: random.Random) -> None:
+        left = self._left(node, chance)
+        if node.folder:
+            path.mkdir()
+            for name, child in left.items():
+                self._write(child, path / name, chance)
+        else:
+            path.write_bytes(left)
 
 
-def _selection(pending: list, chance: random.Random) -> Iterator:
-    mode = chance.choice(["none", "all", "earlier", "any"])
+def selection(pending: list, kept: Kept, chance: random.Random) -> Iterator:
+    """Yield those of the changes since the last sync that are on the disk all the same."""
     earlier = chance.randrange(len(pending) + 1)
     for number, change in enumerate(pending):
-        if mode == "all" or (mode == "earlier" and number < earlier) or (mode == "any" and chance.random() < 0.5):
+        match kept:
+            case Kept.ALL:
+                there = True
+            case Kept.EARLIER:
+                there = number < earlier
+            case Kept.ANY:
+                there = chance.random() < 0.5
+            case Kept.NONE:
+                there = False
+        if there:
             yield change
 
 
@@ -157,13 +186,3 @@ def _apply(content, change: tuple) -> None:
         case ("write", place, data):
             content[len(content) :] = bytes(max(0, place - len(content)))
             content[place : place + len(data)] = data
-
-
-def _write(node: _Node, path: Path, chance: random.Random) -> None:
-    left = _left(node, chance)
-    if node.folder:
-        path.mkdir()
-        for name, child in left.items():
-            _write(child, path / name, chance)
-    else:
-        path.write_bytes(left)

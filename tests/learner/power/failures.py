@@ -9,7 +9,7 @@ from pathlib import Path
 
 from common.messages.experience import Chunk
 from learner.run.folder import RunFolder
-from tests.learner.power.disk_model import DiskModel, read_log
+from tests.learner.power.disk_model import DiskModel, Kept, read_log
 from tests.learner.power.victim import CONFIG, EPISODES
 from tests.learner.runs import episodes, make_trainer
 
@@ -34,20 +34,38 @@ def record(folder):
     return root, root.stat().st_ino, read_log(log)
 
 
-def fail(recording, points, seed, folder, word="stored"):
-    """Let the power fail at random moments; return which acknowledged deliveries each has cost.
+def any_moments(recording, points, seed):
+    """Draw places between the recorded operations."""
+    chance = random.Random(seed)
+    return [chance.randrange(len(recording[2]) + 1) for _ in range(points)]
+
+
+def moments_between_syncs(recording, points, seed):
+    """Draw places behind a delivery that was taken and is not on the disk: no sync began since the one before it."""
+    found, synced = [], True
+    for place, operation in enumerate(recording[2], start=1):
+        if operation.code == "s":
+            synced = True
+        elif operation.first.startswith(b"taken"):
+            if not synced:
+                found.append(place)
+            synced = False
+    return random.Random(seed).sample(found, points)
+
+
+def fail(recording, moments, seed, folder, word="stored", kept=tuple(Kept)):
+    """Let the power fail at moments; return which acknowledged deliveries each has cost, the earliest first.
 
     The learner is started again on what each failure left, and the actors deliver again what they have no
     acknowledgement for: every step must be counted once in the end.
     """
     root, inode, operations = recording
     chance = random.Random(seed)
-    moments = sorted(chance.randrange(len(operations) + 1) for _ in range(points))
     made = episodes(EPISODES)
-    model = DiskModel(root)
+    model = DiskModel(root, kept)
     model.learn_root(inode)
     done, lost = 0, []
-    for number, moment in enumerate(moments):
+    for number, moment in enumerate(sorted(moments)):
         for operation in operations[done:moment]:
             model.replay(operation)
         done = max(done, moment)
