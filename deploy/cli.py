@@ -92,6 +92,10 @@ def bridge(
     resolved = load_options(profile, config, overrides, connect, name, extra)
     if goal is not None and not find_task(resolved.decision.task).needs_target:
         resolved = load_options(profile, config, overrides, connect, name, [*extra, f"decision.task={NAVIGATION.name}"])
+    from common.bus.endpoint import require_free
+
+    # The bridge's own imports and kernels take seconds, on a fresh machine minutes.
+    require_free(resolved.ros.listen)
     from deploy.bridge.process import run_bridge
 
     if page_at is None:

@@ -9,6 +9,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, field_validator, model_validator
 
 from common.config import Fraction, MappingConfig, Positive, Section
+from common.config.endpoint import BusEndpoint
 from common.ids import ID_PATTERN
 from deploy.network_config import FramesConfig, RosConfig, TopicsConfig
 from deploy.outline import circumscribed_radius, inscribed_radius
@@ -113,7 +114,7 @@ class DecisionConfig(Section):
     Default: the shipped weights."""
     live_run: str | None = None
     """Follow the weights of this run's learner while it trains. Off by default."""
-    live_connect: tuple[str, ...] = ()
+    live_connect: tuple[BusEndpoint, ...] = ()
     """Endpoints of that learner."""
     live_tls: tuple[str, str, str] | None = None
     """TLS files for that learner, from `hd-learner certificates`: authority, certificate, key."""
@@ -147,6 +148,12 @@ class DecisionConfig(Section):
     """Return to where the task began once it is done."""
     autostart: bool = False
     """Start without a command, as soon as map and pose are available."""
+
+    @model_validator(mode="after")
+    def _live_run_has_a_learner(self) -> DecisionConfig:
+        if self.live_run is not None and not self.live_connect:
+            raise ValueError("decision.live_run needs decision.live_connect: name the learner's endpoint")
+        return self
 
 
 class DrivingConfig(Section):
@@ -233,13 +240,14 @@ class SafetyConfig(Section):
     blacklist_time: Positive = 120.0
     """How long a place that could not be reached is avoided, seconds."""
 
-    @model_validator(mode="after")
-    def _fence_is_polygon(self) -> SafetyConfig:
-        if self.geofence and len(self.geofence) < 3:
-            raise ValueError(
-                f"geofence needs at least 3 corners, got {len(self.geofence)}: add corners or leave it empty"
-            )
-        return self
+    @field_validator("geofence")
+    @classmethod
+    def _fence_is_polygon(cls, value: tuple[Point, ...]) -> tuple[Point, ...]:
+        if value:
+            from deploy.fence import fence_shapes
+
+            fence_shapes(value, 0.0)
+        return value
 
 
 class RobotMappingConfig(MappingConfig):
@@ -313,4 +321,8 @@ class DeployConfig(Section):
                 f"mapping.robot_radius ({self.mapping.robot_radius} m) must not be below driving.robot_radius "
                 f"({driving.robot_radius} m), or the graph leads where the robot does not fit: raise it or leave it out"
             )
+        if self.safety.geofence:
+            from deploy.fence import fence_shapes
+
+            fence_shapes(self.safety.geofence, self.mapping.robot_radius)
         return self

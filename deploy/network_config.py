@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from common.config import Section
+from common.config.endpoint import RobotEndpoint
+from deploy.ros_names import PRIVATE, segments
 
 
 class RosConfig(Section):
@@ -26,9 +28,9 @@ class RosConfig(Section):
     """How to join the network. `peer`: talk to the other nodes directly, as ROS 2 nodes on one machine do. `client`: go
     through the router, as needed when it runs on another machine. `auto`: `peer` if `connect` names only this machine,
     else `client`."""
-    connect: tuple[str, ...] = ("tcp/127.0.0.1:7447",)
+    connect: tuple[RobotEndpoint, ...] = ("tcp/127.0.0.1:7447",)
     """Zenoh endpoints to connect to: the robot's `rmw_zenohd` router or its zenoh-bridge-ros2dds."""
-    listen: tuple[str, ...] = ()
+    listen: tuple[RobotEndpoint, ...] = ()
     """Zenoh endpoints to listen on; the bridge then acts as the router."""
     tls_ca: str | None = None
     """Certificate of the authority, from `hd-learner certificates`. Setting it makes all links of this network use
@@ -40,6 +42,29 @@ class RosConfig(Section):
     tls_access: str | None = None
     """Zenoh access rules (JSON), enforced where the bridge listens: which certificate may publish and command what.
     Default: every certificate of the authority may do everything."""
+
+    @field_validator("namespace")
+    @classmethod
+    def _namespace_is_a_name(cls, value: str) -> str:
+        if value.strip("/"):
+            segments(value, "namespace")
+        return value
+
+    @field_validator("node")
+    @classmethod
+    def _node_is_a_name(cls, value: str) -> str:
+        if len(segments(value, "node's name")) > 1 or "/" in value:
+            raise ValueError("a node's name is one word without slashes, such as hd_bridge; see ros.namespace")
+        return value
+
+    @model_validator(mode="after")
+    def _there_is_a_network(self) -> RosConfig:
+        if not self.connect and not self.listen:
+            raise ValueError("connect or listen needs an endpoint, such as tcp/127.0.0.1:7447")
+        tls = [endpoint for endpoint in (*self.connect, *self.listen) if endpoint.startswith("tls/")]
+        if tls and self.tls_ca is None:
+            raise ValueError(f"{tls[0]} needs certificates: set tls_ca, tls_certificate and tls_key")
+        return self
 
 
 class FramesConfig(Section):
@@ -134,3 +159,19 @@ class TopicsConfig(Section):
     """OUT std_msgs/Float32: seconds since the first motion."""
     remap: dict[str, str] = Field(default_factory=dict)
     """Replaces topic names after everything else: from the name given above to the robot's own."""
+
+    @field_validator("*")
+    @classmethod
+    def _topics_are_names(cls, value: str | dict[str, str], info: ValidationInfo) -> str | dict[str, str]:
+        if isinstance(value, str):
+            # An action may lie below its node.
+            name = value.removeprefix(PRIVATE) if info.field_name == "navigate_action" else value
+            if value:
+                segments(name, "topic")
+        else:
+            for name in (*value, *value.values()):
+                try:
+                    segments(name, "topic")
+                except ValueError as error:
+                    raise ValueError(f"{error}, and not {name!r}") from None
+        return value

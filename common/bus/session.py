@@ -14,17 +14,17 @@ from typing import Any
 
 import zenoh
 
-from common.bus.endpoint import is_loopback
+from common.bus.endpoint import is_loopback, why_not_listening
 from common.bus.gate import LISTENERS, Gate
 from common.bus.tls import access_settings, tls_settings
 from common.config import BusConfig
+from common.config.endpoint import check_endpoint
 from common.errors import BusError
 from common.messages.weights import MAX_WEIGHTS
 from common.system.runtime import allow_files
 
 log = logging.getLogger(__name__)
 
-PROTOCOLS = ("tcp", "tls", "unixsock-stream")
 MAX_SESSIONS = 10_000
 """Processes that the learner's router takes; Zenoh's own default is 1,000."""
 MAX_PENDING = 4_000
@@ -80,7 +80,7 @@ def open_learner_session(config: BusConfig) -> Iterator[zenoh.Session]:
             session = zenoh.open(_zenoh_config(settings))
             stack.callback(_close, session)
         except (OSError, zenoh.ZError) as error:
-            raise BusError(_why_not_listening(listen, reason(error))) from None
+            raise BusError(why_not_listening(listen, reason(error))) from None
         _warn_of_strangers(listen, config)
         yield session
 
@@ -165,15 +165,10 @@ def open_viewer_session(config: BusConfig, connect: Iterable[str] | None = None)
 
 def _endpoint(text: str, config: BusConfig) -> str:
     """Return a checked endpoint; with TLS files, tcp becomes tls."""
-    protocol, slash, address = text.partition("/")
-    host, colon, port = address.rpartition(":")
-    is_socket = protocol == "unixsock-stream" and bool(address)
-    is_port = bool(colon and host) and port.isascii() and port.isdigit() and int(port) < 65536
-    if not slash or protocol not in PROTOCOLS or not (is_socket or (protocol != "unixsock-stream" and is_port)):
-        raise BusError(
-            f"an endpoint must be tcp/HOST:PORT, tls/HOST:PORT or unixsock-stream/PATH, such as "
-            f"tcp/192.168.1.5:7447, got {text!r}"
-        )
+    try:
+        protocol, _, address = check_endpoint(text).partition("/")
+    except ValueError as error:
+        raise BusError(f"{error}, got {text!r}") from None
     if config.tls_ca is not None and protocol == "tcp":
         return f"tls/{address}"
     if config.tls_ca is None and protocol == "tls":
@@ -227,11 +222,3 @@ def _zenoh_config(settings: dict[str, Any]) -> zenoh.Config:
 def reason(error: Exception) -> str:
     """Return what an error of Zenoh says, without the places in its source that it names."""
     return re.sub(r"\s+at /\S+?\.rs:\d+\.?", "", str(error))
-
-
-def _why_not_listening(endpoint: str, error: str) -> str:
-    if "in use" in error:
-        return f"{endpoint} is in use by another process: stop it, or choose another port (--listen tcp/127.0.0.1:7448)"
-    if "assign requested address" in error:
-        return f"this machine has no address {endpoint}: listen on one that it has, such as tcp/127.0.0.1:7447"
-    return f"cannot listen on {endpoint}: {error}"

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from common.config.endpoint import BusEndpoint
 from common.config.section import Positive, Section
 
 
@@ -25,9 +26,9 @@ class ActorConfig(Section):
 class BusConfig(Section):
     """The Zenoh bus."""
 
-    listen: str = "tcp/127.0.0.1:7447"
+    listen: BusEndpoint = "tcp/127.0.0.1:7447"
     """Endpoint on which the learner listens; loopback only by default."""
-    connect: tuple[str, ...] = ()
+    connect: tuple[BusEndpoint, ...] = ()
     """Existing Zenoh routers that the learner also joins."""
     lease: Positive = 2.0
     """Silence after which a process counts as gone, seconds."""

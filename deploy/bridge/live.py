@@ -44,11 +44,11 @@ class LivePolicy(Closing):
         """Begin to look for the learner; nothing waits for it.
 
         Raises:
-            ConfigError: no run, or no endpoint of its learner, is named.
-            BusError: an endpoint is malformed, or a file of TLS is missing.
+            ConfigError: no run is named.
+            BusError: a file of TLS is missing.
         """
-        if decision.live_run is None or not decision.live_connect:
-            raise ConfigError("decision.live_run needs decision.live_connect: name the learner's endpoint")
+        if decision.live_run is None:
+            raise ConfigError("decision.live_run names no run to follow")
         self._run_name = decision.live_run
         self._task = decision.task
         self._mapping = mapping

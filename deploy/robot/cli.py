@@ -110,9 +110,14 @@ def robot(
 ) -> None:
     """Simulate a robot under physics behind the ROS 2 topics of a real one. Ctrl-C ends it."""
     setup_logging(log_level)
+    from common.bus.endpoint import require_free
+    from deploy.profiles import load_deploy_config
+
+    resolved = robot_config(load_deploy_config(config, settings or (), os.environ, profile), connect, listen)
+    # Before the physics and what else is imported for seconds.
+    require_free(resolved.ros.listen)
     with optional("hd-deploy robot", *_EXTRAS):
         from deploy.robot.process import run_robot
-    from deploy.profiles import load_deploy_config
 
     options = checked_options(
         {
@@ -131,7 +136,6 @@ def robot(
             "follow": follow,
         }
     )
-    resolved = robot_config(load_deploy_config(config, settings or (), os.environ, profile), connect, listen)
     stop = threading.Event()
     with stopping_signals(stop.set, stop.is_set):
         run_robot(options, resolved, stop, seconds)
@@ -244,8 +248,22 @@ def checked_options(values: dict[str, object]) -> RobotOptions:
 
 
 def robot_config(config: DeployConfig, connect: list[str] | None, listen: list[str] | None) -> DeployConfig:
-    """Return the bridge's configuration as the robot uses it: it is the router, unless it is to join one."""
+    """Return the bridge's configuration as the robot uses it: it is the router, unless it is to join one.
+
+    Raises:
+        ConfigError: both are given, or an endpoint is none.
+    """
     if connect and listen:
         raise ConfigError("--connect joins a router and --listen is one: give one of the two")
-    endpoints = {"connect": tuple(connect or ()), "listen": () if connect else tuple(listen or [ENDPOINT])}
-    return config.model_copy(update={"ros": config.ros.model_copy(update=endpoints)})
+    from pydantic import ValidationError
+
+    from deploy.network_config import RosConfig
+
+    endpoints = {"connect": connect or (), "listen": () if connect else listen or [ENDPOINT]}
+    try:
+        ros = RosConfig.model_validate({**config.ros.model_dump(exclude_unset=True), **endpoints})
+    except ValidationError as error:
+        problem = error.errors()[0]
+        option, expected = "--connect" if connect else "--listen", problem["msg"].removeprefix("Value error, ")
+        raise ConfigError(f"{option}: {expected}, got {problem['input']!r}") from None
+    return config.model_copy(update={"ros": ros})

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 
 from deploy.ros2.errors import RosError
-
-SEGMENT = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+from deploy.ros_names import segments
 
 
 def namespace(text: str) -> str:
@@ -43,9 +41,7 @@ def _absolute(name: str, within: str) -> str:
 
 
 def _segments(text: str, what: str) -> list[str]:
-    segments = text.removeprefix("/").removesuffix("/").split("/")
-    if not all(SEGMENT.fullmatch(segment) for segment in segments):
-        raise RosError(
-            f"a {what} is made of letters, digits and _ between slashes, such as /robot1/scan, got {text!r}: correct it"
-        )
-    return segments
+    try:
+        return segments(text, what)
+    except ValueError as error:
+        raise RosError(f"{error}, got {text!r}: correct it") from None

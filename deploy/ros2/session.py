@@ -11,6 +11,7 @@ import zenoh
 from common.bus.endpoint import is_loopback
 from common.bus.session import reason
 from common.bus.tls import access_settings, tls_settings
+from common.config.endpoint import ROBOT_PROTOCOLS, check_endpoint
 from deploy.network_config import RosConfig
 from deploy.ros2.errors import RosError
 
@@ -39,11 +40,12 @@ def open_session(config: RosConfig, *, wait: bool = True) -> zenoh.Session:
     Raises:
         RosError: when an endpoint is malformed, or taken, or a client that is not to wait finds no router.
     """
-    if not config.connect and not config.listen:
-        raise RosError("ros.connect or ros.listen needs an endpoint, such as tcp/127.0.0.1:7447")
     for endpoint in (*config.connect, *config.listen):
-        if "/" not in endpoint:
-            raise RosError(f"an endpoint must be PROTOCOL/ADDRESS, such as tcp/127.0.0.1:7447, got {endpoint!r}")
+        # Options of some commands get here past the validation of the settings.
+        try:
+            check_endpoint(endpoint, ROBOT_PROTOCOLS)
+        except ValueError as error:
+            raise RosError(f"{error}, got {endpoint!r}") from None
     if config.listen:
         return _open(config, "router", config.listen, -1)
     local = all(is_loopback(endpoint) for endpoint in config.connect)
@@ -118,6 +120,4 @@ def _secured(endpoint: str, config: RosConfig) -> str:
     protocol, _, address = endpoint.partition("/")
     if config.tls_ca is not None and protocol == "tcp":
         return f"tls/{address}"
-    if config.tls_ca is None and protocol == "tls":
-        raise RosError(f"{endpoint} needs certificates: set ros.tls_ca, ros.tls_certificate and ros.tls_key")
     return endpoint

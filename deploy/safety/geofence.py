@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import cos, sin
 
-from shapely import LineString, Polygon, is_valid_reason, prepare
+from shapely import LineString, Polygon, prepare
 from shapely import Point as ShapelyPoint
 
 from common.errors import ConfigError
 from common.geometry import Pose
 from deploy.config import DeployConfig, Point
+from deploy.fence import fence_shapes
 
 
 class Geofence:
@@ -36,19 +37,12 @@ class Geofence:
         self._inner: Polygon | None = None
         if not corners:
             return
-        polygon = Polygon(corners) if len(corners) >= 3 else None
-        if polygon is None or not polygon.is_valid or polygon.area <= 0.0:
-            why = "it has fewer than 3 corners" if polygon is None else is_valid_reason(polygon)
-            raise ConfigError(
-                f"geofence must be a polygon whose sides do not cross, got {list(corners)} ({why}): "
-                "list its corners in order"
-            )
-        inner = polygon.buffer(-margin) if margin else polygon
-        if inner.is_empty:
-            raise ConfigError(f"geofence leaves no room inside a margin of {margin:g} m: make it larger")
-        for shape in (polygon, inner):
+        try:
+            self._whole, self._inner = fence_shapes(corners, margin)
+        except ValueError as error:
+            raise ConfigError(f"{error}, got {list(corners)}") from None
+        for shape in (self._whole, self._inner):
             prepare(shape)
-        self._whole, self._inner = polygon, inner
 
     @classmethod
     def around_robot(cls, config: DeployConfig) -> Geofence:

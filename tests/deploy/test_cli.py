@@ -2,6 +2,7 @@
 
 import json
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -59,6 +60,15 @@ def test_a_mistake_is_one_line_and_a_non_zero_exit(words, message):
     assert result.exit_code == 1
     assert message in result.stderr
     assert "Traceback" not in result.output
+
+
+@pytest.mark.parametrize("command", [["bridge"], ["robot"]])
+def test_a_taken_port_is_told_before_anything_is_prepared(command, monkeypatch):
+    monkeypatch.setitem(sys.modules, f"deploy.{command[0]}.process", None)  # cannot be imported
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        result = run(*command, "--listen", f"tcp/127.0.0.1:{taken.getsockname()[1]}")
+    assert result.exit_code == 1
+    assert "is in use by another process" in result.stderr
 
 
 def test_a_command_to_nobody_says_where_it_asked():

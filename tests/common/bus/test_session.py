@@ -5,7 +5,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from common.bus.endpoint import is_loopback
+from common.bus.endpoint import is_loopback, require_free
 from common.bus.session import open_client_session, open_learner_session
 from common.bus.spec import SpecServer, fetch_spec, list_runs
 from common.config import BusConfig
@@ -52,10 +52,21 @@ def test_a_second_learner_on_the_same_port_is_told_so():
     "endpoint", ["127.0.0.1:7447", "tcp/127.0.0.1", "tcp/:80", "tcp/h:70000", "udp/h:1", "", "tcp/h:x"]
 )
 def test_malformed_endpoints_are_refused(endpoint):
-    with pytest.raises(BusError, match="an endpoint must be"):
-        opened(BusConfig(listen=endpoint))
+    for setting in ({"listen": endpoint}, {"connect": [endpoint]}):
+        with pytest.raises(ValueError, match="an endpoint must be"):
+            BusConfig(**setting)
     with pytest.raises(BusError, match="an endpoint must be"):
         open_client_session(BusConfig(), [endpoint])
+
+
+def test_a_port_is_known_to_be_taken_before_anything_is_prepared():
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        with pytest.raises(BusError, match="in use by another process"):
+            require_free(["unixsock-stream//tmp/socket", endpoint])
+    require_free([endpoint, "tcp/[::1]:0?rel=1"])
+    with pytest.raises(BusError, match="no address"):
+        require_free(["tcp/192.0.2.1:7447"])
 
 
 def test_an_endpoint_is_needed():

@@ -46,10 +46,10 @@ def test_a_wrong_option_is_named_as_it_was_written():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--map", "generator:castle"], "no generator"),
-        (["--map", "/nowhere"], "no such folder"),
+        (["--listen", "tcp/127.0.0.1:0", "--map", "generator:castle"], "no generator"),
+        (["--listen", "tcp/127.0.0.1:0", "--map", "/nowhere"], "no such folder"),
         (["--profile", "spot"], "spot"),
-        (["--listen", "carrier-pigeon"], "carrier-pigeon"),
+        (["--listen", "carrier-pigeon"], "--listen: an endpoint must be tcp/HOST:PORT"),
     ],
 )
 def test_what_cannot_be_used_is_one_line_and_exit_code_1(options, words):
@@ -63,7 +63,7 @@ def test_without_pybullet_the_command_says_what_to_install(monkeypatch):
     for name in [name for name in sys.modules if name.startswith(("pybullet", "actors.simulators"))]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "pybullet", None)
-    result = runner.invoke(app, ["robot"])
+    result = runner.invoke(app, ["robot", "--listen", "tcp/127.0.0.1:0"])
     assert result.exit_code == 1
     assert "needs the package pybullet, which is not installed:" in result.output
 
