@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.maps.connectivity import label_regions
-from actors.maps.images import Pixels
+from actors.maps.images import SAVED_UNKNOWN, Pixels
 from common.system.jit import njit
 
 NOT_FREE: Final = 0
@@ -34,7 +34,6 @@ _FREE_ABOVE: Final = 150
 _MARKER_CHROMA: Final = 80
 _RIM_CHROMA: Final = 40
 _RIM_GRAY: Final = 80
-_SAVED_UNKNOWN: Final = 205
 _OPAQUE: Final = 128
 # What the yellows of public maps become when an image is converted to gray, by one formula for luminance or another.
 _GRAY_STARTS: Final = (204, 206, 207, 208, 209)
@@ -62,7 +61,7 @@ def _meaning(red: int, green: int, blue: int, tolerance: int, colourless: int) -
             return TARGET
         if gray >= _RIM_GRAY:
             return FREE
-    if chroma <= colourless and abs(gray - _SAVED_UNKNOWN) <= tolerance:
+    if chroma <= colourless and abs(gray - SAVED_UNKNOWN) <= tolerance:
         return UNKNOWN
     return FREE if gray > _FREE_ABOVE else NOT_FREE
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from hashlib import blake2b
 from pathlib import Path
 
 import numpy as np
@@ -30,12 +31,14 @@ class MapFile:
         start: (x, y), metres, map frame; None for that of the image's marker.
         target: likewise.
         suffix: what a name of the map has after that of its file, which tells two starts in one file apart.
+        folder: of the set that it belongs to, whose ``worlds.toml`` may give its start and target.
     """
 
     path: Path
     start: Position | None = None
     target: Position | None = None
     suffix: str = ""
+    folder: Path | None = None
 
     @property
     def is_ros(self) -> bool:
@@ -54,6 +57,34 @@ class MapFile:
         """Return the files that make up the map: its own, and the image of a ROS map."""
         image = _image_of(self.path) if self.is_ros else None
         return [self.path] if image is None else [self.path, image]
+
+    def changed_since(self, moment: float, *, replaced: bool) -> Path | None:
+        """Return a file that the map depends on and that was written after a moment, if there is one.
+
+        The ``worlds.toml`` of its folder is such a file: it may give start and target.
+
+        Args:
+            moment: seconds since 1970.
+            replaced: whether an older file counts, too, that was put there after the moment, or touched.
+        """
+        for path in (*self.parts(), *([] if self.folder is None else [self.folder / FILE_NAME])):
+            if path.is_file():
+                status = path.stat()
+                if status.st_mtime > moment or (replaced and status.st_ctime > moment):
+                    return path
+        return None
+
+    def digest(self) -> str:
+        """Return what identifies the contents of the map's files, with its start and target.
+
+        Raises:
+            OSError: a file cannot be read.
+        """
+        digest = blake2b(repr((self.start, self.target)).encode(), digest_size=8)
+        for part in self.parts():
+            data = part.read_bytes()
+            digest.update(len(data).to_bytes(8, "little") + data)
+        return digest.hexdigest()
 
     def load(self, metres_per_pixel: float, require_target: bool) -> GridMap:
         """Load the map.
@@ -120,7 +151,7 @@ def list_maps(folder: Path, places: dict[str, Places] | None = None) -> list[Map
     if missing:
         raise MapError(f"{folder / FILE_NAME}: there is no map {min(missing)!r} in this folder: correct the name")
     return [
-        MapFile(folder / path, place.start, place.target)
+        MapFile(folder / path, place.start, place.target, folder=folder)
         for path in found
         for place in [places.get(path.as_posix(), Places())]
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,8 @@ T = TypeVar("T", bound=np.generic)
 FORMATS = ("PNG", "PPM", "JPEG", "BMP")
 SUFFIXES = frozenset({".png", ".pgm", ".ppm", ".pnm", ".jpg", ".jpeg", ".bmp"})
 """Of image files that may be maps, lower case."""
+SAVED_UNKNOWN = 205
+"""Gray that map_saver of ROS writes for unknown."""
 MAX_SIDE = 8192
 """Pixels; a header that announces more is refused before anything is unpacked."""
 
@@ -59,7 +62,9 @@ class Pixels:
 def read_pixels(path: Path) -> Pixels:
     """Read an image file.
 
-    Images of 16 bits a channel are brought to 8, photographs are turned as their camera says.
+    Images of 16 bits a channel are brought to 8, and PGM files whose white is not 255 to that, but for their gray 205:
+    that is what map_saver writes for unknown, and tools that look for the brightest pixel put a white of 254 over it.
+    Photographs are turned as their camera says.
 
     Raises:
         MapError: the file is missing, is no image of a known format, is too large or damaged.
@@ -81,8 +86,12 @@ def read_pixels(path: Path) -> Pixels:
             if picture.mode == "1":
                 picture = picture.convert("L")
             few = picture.mode in ("L", "P")
+            white = _white_of_pgm(path) if opened.format == "PPM" else 255
             indices = np.asarray(picture) if few else None
             colours = np.asarray((_all_colours(picture) if few else picture).convert("RGBA")).reshape(-1, 4)
+            if few and SAVED_UNKNOWN < white < 255:
+                colours = colours.copy()
+                colours[round(SAVED_UNKNOWN * 255 / white), :3] = SAVED_UNKNOWN
     except FileNotFoundError:
         raise MapError(f"{path}: there is no such file: check the path") from None
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
@@ -100,6 +109,14 @@ def _too_large(path: Path, got: str) -> MapError:
     )
 
 
+def _white_of_pgm(path: Path) -> int:
+    """Return the value of white that the header of a PGM file gives; 255 for other files of that family."""
+    with path.open("rb") as file:
+        head = file.read(4096)
+    words = re.sub(rb"#[^\r\n]*", b" ", head).split(None, 4)
+    return int(words[3]) if len(words) > 3 and words[0] in (b"P2", b"P5") and words[3].isdigit() else 255
+
+
 def _eight_bits(path: Path, picture: Image.Image) -> Image.Image:
     if not picture.mode.startswith("I"):
         return picture
@@ -108,7 +125,7 @@ def _eight_bits(path: Path, picture: Image.Image) -> Image.Image:
         raise MapError(f"{path}: expected 8 or 16 bits a pixel, got values up to {values.max()}: convert the image")
     from PIL import Image
 
-    return Image.fromarray((values // 257).astype(np.uint8))
+    return Image.fromarray(((values + 128) // 257).astype(np.uint8))
 
 
 def _all_colours(picture: Image.Image) -> Image.Image:

@@ -19,6 +19,8 @@ wins.
 
 from __future__ import annotations
 
+import difflib
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import resources
@@ -114,7 +116,13 @@ def read_folder(folder: Path) -> Recommendation:
         text = read_text(path)
     except (OSError, ValueError) as error:
         raise MapError(f"{path}: cannot read the settings of these worlds ({error}): correct or remove it") from None
-    return _parse(str(path), text)
+    found = _parse(str(path), text)
+    for file in found.places:
+        if not (folder / file).is_file():
+            near = difflib.get_close_matches(file, _names_below(folder), n=1)
+            hint = f"did you mean {near[0]!r}?" if near else "correct the name"
+            raise MapError(f"{path}: worlds.{json.dumps(file)}: there is no file {file!r} in this folder: {hint}")
+    return found
 
 
 def joined(recommendations: Sequence[Recommendation], explicit: Sequence[str]) -> dict[str, Any]:
@@ -160,6 +168,20 @@ def as_tree(settings: Mapping[str, Any]) -> dict[str, Any]:
     return tree
 
 
+def _places(name: str, file: str, table: dict[str, Any]) -> Places:
+    try:
+        return Places.model_validate(table)
+    except ValidationError as error:
+        key = str(error.errors()[0]["loc"][0])
+        known = key in Places.model_fields
+        expected = "expected [x, y], two numbers in metres" if known else "unknown key, expected start or target"
+        raise MapError(f"{name}: worlds.{json.dumps(file)}.{key}: {expected}, got {table[key]!r}: correct it") from None
+
+
+def _names_below(folder: Path) -> list[str]:
+    return [path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()]
+
+
 def _presets() -> Traversable:
     return resources.files("actors.maps") / "presets"
 
@@ -170,9 +192,15 @@ def _parse(name: str, text: str) -> Recommendation:
     except DocumentError as error:
         raise MapError(f"{name}: expected settings of worlds in TOML, it is none ({error}): correct it") from None
     worlds = tree.pop("worlds", {})
-    tables = [*tree.values(), worlds, *(worlds.values() if isinstance(worlds, dict) else ())]
-    if not all(isinstance(table, dict) for table in tables):
-        raise MapError(f'{name}: expected tables such as [mapping] and [worlds."plan.pgm"], got plain values: see docs')
+    tables = {**tree, "worlds": worlds}
+    if isinstance(worlds, dict):
+        tables |= {f"worlds.{json.dumps(file)}": table for file, table in worlds.items()}
+    for key, table in tables.items():
+        if not isinstance(table, dict):
+            raise MapError(
+                f'{name}: {key}: expected tables such as [mapping] and [worlds."plan.pgm"], got a value, {table!r}: '
+                "put it into its table"
+            )
     settings = {f"{section}.{key}": value for section, table in tree.items() for key, value in table.items()}
     for path in settings:
         if path not in _ALLOWED and not path.startswith("mapping."):
@@ -180,9 +208,9 @@ def _parse(name: str, text: str) -> Recommendation:
     try:
         plain = {path: value for path, value in settings.items() if (path, value) != (MAX_STEPS, AUTO)}
         checked = resolve(as_tree(plain))
-        places = {file: Places.model_validate(place) for file, place in worlds.items()}
-    except (ConfigError, ValidationError) as error:
+    except ConfigError as error:
         raise MapError(f"{name}: {' '.join(str(error).split())}") from None
+    places = {file: _places(name, file, place) for file, place in worlds.items()}
     # What the schema made of the values, so that 20 and 20.0 are the same.
     values = {path: getattr(getattr(checked, path.partition(".")[0]), path.partition(".")[2]) for path in plain}
     return Recommendation(name, {**settings, **values}, places)

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
-from actors.maps.images import Pixels, read_pixels
+from actors.maps.images import SAVED_UNKNOWN, Pixels, read_pixels
 from actors.maps.placing import Position, place
 from actors.maps.turning import turn, turned_resolution
 from common.errors import MapError
@@ -39,7 +39,6 @@ OCCUPIED: Final = 100
 LARGEST_FILE: Final = 65_536
 LARGEST_NESTING: Final = 200
 """Bytes; a map's YAML has some two hundred."""
-_SAVED_UNKNOWN = 205
 _LOSSY_TOLERANCE = 4
 
 
@@ -203,7 +202,7 @@ def occupancy(pixels: Pixels, file: MapServerFile) -> NDArray[np.int8]:
         values[pixels.colours[:, 3] < 255] = UNKNOWN
     if file.mode != "raw" and not file.negate:
         near = _LOSSY_TOLERANCE if pixels.lossy else 0
-        offsets = np.abs(pixels.colours[:, :3].astype(np.int16) - _SAVED_UNKNOWN)
+        offsets = np.abs(pixels.colours[:, :3].astype(np.int16) - SAVED_UNKNOWN)
         values[(offsets <= near).all(axis=1) & (values == 0)] = UNKNOWN
     return pixels.spread(values)
 
@@ -231,7 +230,10 @@ def _read(path: Path) -> dict[Any, Any]:
     except ValueError as error:
         raise MapError(f"{path}: {error}") from None
     try:
-        values = yaml.safe_load(text)
+        loader = yaml.SafeLoader(text)
+        node = loader.get_single_node()
+        _refuse_duplicates(path, node)
+        values = None if node is None else loader.construct_document(node)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         problem = " ".join(str(error).split())[:200]
         raise MapError(
@@ -242,6 +244,18 @@ def _read(path: Path) -> dict[Any, Any]:
             f"{path}: expected the YAML file of a ROS map, got {type(values).__name__}: it has fields such as image"
         )
     return values
+
+
+def _refuse_duplicates(path: Path, node: Any) -> None:
+    """Raise a MapError for a key that is there twice, of which YAML would take the last without a word."""
+    seen: dict[str, int] = {}
+    for key, _ in node.value if node is not None and node.id == "mapping" else ():
+        line = key.start_mark.line + 1
+        if key.id == "scalar" and seen.setdefault(key.value, line) != line:
+            raise MapError(
+                f"{path}: expected each key once, got {_shown(key.value)} in lines {seen[key.value]} and {line}: leave "
+                "one out"
+            )
 
 
 def _number(path: Path, key: str, value: Any) -> float:

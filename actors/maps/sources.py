@@ -254,7 +254,7 @@ def _files(spec: MapSpec) -> list[MapFile]:
     start = spec.start or (place.start if place else None)
     target = spec.target or (place.target if place else None)
     said = place_text(spec.start, spec.target)
-    file = MapFile(spec.path, start, target, f"?{said}" if said else "")
+    file = MapFile(spec.path, start, target, f"?{said}" if said else "", _set_folder(spec))
     if file.is_ros and spec.metres_per_pixel is not None:
         raise MapError(f"{spec.text}: a ROS map specifies its own resolution: leave metres_per_pixel out")
     return [file]

@@ -89,7 +89,7 @@ def test_ros_maps_count_as_floor_plans_of_their_own_scale(tmp_path: Path) -> Non
     ("text", "message"),
     [
         ("[mapping", "expected settings of worlds in TOML"),
-        ("resolution = 1", "expected tables such as"),
+        ("resolution = 1", r"worlds\.toml: resolution: expected tables such as .*, got a value, 1"),
         ("[mapping]\nresolutoin = 0.1", "unknown setting: did you mean 'mapping.resolution'"),
         ("[mapping]\nresolution = 'fine'", "mapping.resolution: input should be a valid number.*got 'fine'"),
         ("[mapping]\nviewpoint_spacing = 0.3", "viewpoint_spacing .* must be at least two belief cells"),
@@ -99,16 +99,26 @@ def test_ros_maps_count_as_floor_plans_of_their_own_scale(tmp_path: Path) -> Non
         ),
         ("[task]\nname = 'navigation'", r"task\.name is no setting of worlds"),
         ("[task]\nmax_steps = 'many'", r"task\.max_steps: input should be a valid integer"),
-        ("[worlds.'a.png']\nstart = [1.0]", r"a\.png|start"),
-        ("[worlds.'a.png']\nbegin = [1.0, 2.0]", "begin"),
-        ("[worlds.'a.png']\nstart = [nan, 2.0]", "finite"),
-        ("worlds = 3", "expected tables such as"),
+        (
+            "[worlds.'a.png']\nstart = [1.0]",
+            r'worlds\."a\.png"\.start: expected \[x, y\], two numbers in metres, got \[1\.0\]',
+        ),
+        ("[worlds.'a.png']\nstart = 'door'", r'worlds\."a\.png"\.start: expected .*, got \'door\''),
+        ("[worlds.'a.png']\nbegin = [1.0, 2.0]", r'worlds\."a\.png"\.begin: unknown key, expected start or target'),
+        ("[worlds.'a.png']\nstart = [nan, 2.0]", r'worlds\."a\.png"\.start: expected .*, got \[nan, 2\.0\]'),
+        (
+            "[worlds.'b.png']\nstart = [1.0, 2.0]",
+            r'worlds\."b\.png": .* no file \'b\.png\' .*: did you mean \'a\.png\'\?',
+        ),
+        ("[worlds]\n'a.png' = [1.0, 2.0]", r'worlds\."a\.png": expected tables such as'),
+        ("worlds = 3", "worlds: expected tables such as"),
     ],
 )
 def test_wrong_settings_are_one_sentence(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "worlds.toml").write_text(text)
+    simple(tmp_path / "a.png")
     with pytest.raises(MapError, match=message) as raised:
-        read_folder(tmp_path)
+        recommended(str(tmp_path / "a.png"))
     assert "\n" not in str(raised.value) and "worlds.toml" in str(raised.value)
 
 

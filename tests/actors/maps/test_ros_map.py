@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from actors.maps.images import Pixels
+from actors.maps.images import Pixels, read_pixels
 from actors.maps.ros_map import MapServerFile, load_ros_map, names_image, occupancy, read_map_server_file
 from common.errors import MapError
 from tests.actors.maps.ros_files import FREE, UNKNOWN, WALL, room, write_ros
@@ -197,6 +197,37 @@ def test_wrong_fields_are_named(tmp_path: Path, fields: dict, message: str) -> N
     with pytest.raises(MapError, match=message) as raised:
         load_ros_map(path, start=CENTRE)
     assert len(str(raised.value).splitlines()) == 1 and len(str(raised.value)) < 400 + len(str(path))
+
+
+def test_a_key_that_is_there_twice_is_an_error_with_both_lines(tmp_path: Path) -> None:
+    path = write_ros(tmp_path / "plan.yaml")
+    path.write_text("# A map.\n" + path.read_text() + "resolution: 0.1\n")
+    with pytest.raises(MapError, match=r"expected each key once, got 'resolution' in lines 3 and 8: leave one out"):
+        load_ros_map(path, start=(1.0, 1.0))
+
+
+@pytest.mark.parametrize("kind", ["P2", "P5"])
+@pytest.mark.parametrize(
+    ("white", "values"),
+    [
+        (255, [0, 100, 204, 205, 206, 254, 255]),
+        (254, [0, 100, 204, 205, 206, 253, 254]),
+        (100, [0, 34, 36, 80, 81, 99, 100]),
+        (1, [0, 1]),
+        (1023, [0, 351, 352, 822, 824, 1023]),
+        (65535, [0, 100 * 257, 205 * 257, 206 * 257, 65535]),
+    ],
+)
+def test_values_of_a_pgm_count_by_the_white_of_its_header(tmp_path: Path, kind: str, white: int, values: list) -> None:
+    """As netpbm says; 205, or the nearest to its shade, is what map_saver writes for unknown."""
+    path = write_ros(tmp_path / "plan.yaml", free_thresh=0.25)
+    plain = " ".join(map(str, values)).encode()
+    data = plain if kind == "P2" else np.array(values, dtype=np.uint8 if white < 256 else ">u2").tobytes()
+    (tmp_path / "map.pgm").write_bytes(f"{kind} # white is {white}\n{len(values)} 1\n{white}\n".encode() + data)
+    shades = np.array(values) / white
+    expected = np.where(1.0 - shades > 0.65, 100, np.where(1.0 - shades < 0.25, 0, -1))
+    expected[(np.array(values) == 205) & (white < 256) | (np.abs(shades * 255 - 205) < 0.5)] = -1
+    assert occupancy(read_pixels(tmp_path / "map.pgm"), read_map_server_file(path)).tolist() == [expected.tolist()]
 
 
 @pytest.mark.parametrize(
