@@ -6,6 +6,7 @@ from actors.environment import Environment
 from actors.evaluation.episode import Decider, Tell, run_episode, tell_nobody
 from actors.evaluation.omniscient import OmniscientReference
 from actors.evaluation.outcome import Outcome
+from actors.evaluation.replanning import Replan
 from actors.evaluation.settings import EvaluationSettings
 from actors.maps.grid_map import GridMap
 from actors.simulators.base import Simulator
@@ -62,7 +63,7 @@ class EpisodeRunner:
             make_goal(settings.task),
             RewardConfig(),
             settings.task.max_steps if steps is None else steps,
-            replans=settings.replan == "seen",
+            replans=settings.replan is Replan.SEEN,
         )
 
     def _drive(

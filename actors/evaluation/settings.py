@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -14,6 +14,7 @@ from actors.evaluation.episode import Decider
 from actors.evaluation.large.robot import check_physics
 from actors.evaluation.omniscient import NAME as OMNISCIENT
 from actors.evaluation.omniscient import OmniscientReference
+from actors.evaluation.replanning import Replan
 from common.config import MappingConfig, SimulatorConfig, TaskConfig
 from common.config.names import generators_of
 from common.errors import CheckpointError, ConfigError
@@ -43,8 +44,7 @@ class EvaluationSettings(BaseModel):
         policy: file of the learned planner.
         large: at a large scale, as `hd-eval large` does it: under physics, with a 3D lidar, sensing on the way.
         targets: of a tour, where `large` and the task has targets.
-        replan: when the robot decides again: at its ``waypoints``, or also on its way, where it is ``large``, once
-            nothing is left to see from its goal (``seen``), as the bridge does.
+        replan: when the robot decides again; other than at its waypoints alone where it is `large`.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -60,12 +60,17 @@ class EvaluationSettings(BaseModel):
     policy: str | None = None
     large: bool = False
     targets: Annotated[int, Field(ge=1, le=50)] = 5
-    replan: Literal["waypoints", "seen"] = "waypoints"
+    replan: Replan = Replan.WAYPOINTS
 
     @model_validator(mode="after")
     def _large_has_physics(self) -> EvaluationSettings:
         if self.large:
             check_physics(self.simulator)
+        elif self.replan is not Replan.WAYPOINTS:
+            raise ValueError(
+                f"replan {self.replan.value!r} is for evaluations at a large scale (hd-eval large): elsewhere a robot "
+                "decides at its waypoints, leave it out"
+            )
         return self
 
     @property
@@ -82,7 +87,7 @@ class EvaluationSettings(BaseModel):
         values = self.model_dump(mode="json", exclude={"limit", "time_limit", "large"})
         if not self.large:
             del values["targets"]
-        if self.replan == "waypoints":
+        if self.replan is Replan.WAYPOINTS:
             # Results of earlier versions, which knew nothing else, can be continued.
             del values["replan"]
         return {**values, "policy": self._policy_digest() if planner in LEARNED else None}

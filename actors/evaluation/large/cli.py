@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -21,19 +20,13 @@ from actors.evaluation.options import (
     write_text,
 )
 from actors.evaluation.progress import planner_list, run_and_show
+from actors.evaluation.replanning import Replan
 from common.cli import EXIT_ERROR, command_errors, message_console
 from common.system.logs import setup_logging
 from common.system.progress import Steps, tell_of_kernels
 from common.tasks import EXPLORATION, find_task
 
 app = typer.Typer()
-
-
-class Replan(StrEnum):
-    """When the robot decides again."""
-
-    WAYPOINTS = "waypoints"
-    SEEN = "seen"
 
 
 Baseline = Annotated[
@@ -125,7 +118,7 @@ def large(
         policy=None if policy is None else str(policy.expanduser().resolve()),
         large=True,
         targets=targets,
-        replan=replan.value,
+        replan=replan,
     )
     names = planner_list(planner)
     with Evaluation(settings, names, out, label=label, overwrite=overwrite) as evaluation:
