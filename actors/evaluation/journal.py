@@ -28,12 +28,14 @@ class Journal:
     Attributes:
         outcomes: finished episodes by the number of their world.
         commits: of the code that made them, in order of first appearance.
+        digests: of the files of their worlds, by number; empty for generated ones and in journals of earlier versions.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self.outcomes: dict[int, Outcome] = {}
         self.commits: list[str] = []
+        self.digests: dict[int, str] = {}
 
     @classmethod
     def open(cls, path: Path, fingerprint: Mapping[str, Any]) -> Journal:
@@ -65,14 +67,20 @@ class Journal:
             raise ResultsError(f"cannot use {path} ({error.strerror}): check the folder") from error
         return journal
 
-    def add(self, number: int, outcome: Outcome, commit: str) -> None:
+    def add(self, number: int, outcome: Outcome, commit: str, digest: str = "") -> None:
         """Append an episode.
+
+        Args:
+            number: of its world.
+            outcome: how it went.
+            commit: of the code.
+            digest: of the files of its world.
 
         Raises:
             ResultsError: the file cannot be written.
         """
-        self._take(number, outcome, commit)
-        line = json.dumps({"number": number, "commit": commit, **asdict(outcome)})
+        self._take(number, outcome, commit, digest)
+        line = json.dumps({"number": number, "commit": commit, "map": digest, **asdict(outcome)})
         try:
             with self._path.open("a", encoding="utf-8") as file:
                 file.write(line + "\n")
@@ -89,16 +97,17 @@ class Journal:
                 )
             for line in lines[1:]:
                 values = parse_json(line)
-                number, commit = values.pop("number"), values.pop("commit")
+                number, commit, digest = values.pop("number"), values.pop("commit"), values.pop("map", "")
                 values["waypoints"] = [(float(x), float(y)) for x, y in values["waypoints"]]
                 outcome = Outcome(**values)
                 if not outcome.crashed:
-                    self._take(number, outcome, commit)
+                    self._take(number, outcome, commit, digest)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise ResultsError(f"{self._path} is damaged ({error}): start over with --overwrite") from error
 
-    def _take(self, number: int, outcome: Outcome, commit: str) -> None:
+    def _take(self, number: int, outcome: Outcome, commit: str, digest: str) -> None:
         self.outcomes[number] = outcome
+        self.digests[number] = digest
         if commit not in self.commits:
             self.commits.append(commit)
 

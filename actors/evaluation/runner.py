@@ -130,7 +130,8 @@ class Evaluation(Closing):
         """Return a sentence where maps were written after results that are continued; else an empty one."""
         if self._continued_from is None or not any(self.done(planner) for planner in self._planners):
             return ""
-        changed = self._worlds.changed_since(self._continued_from)
+        digests = [journal.digests for journal in self._journals.values()]
+        changed = sorted({path for each in digests for path in self._worlds.changed_since(self._continued_from, each)})
         if not changed:
             return ""
         more = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
@@ -247,7 +248,7 @@ class Evaluation(Closing):
                 name = self._worlds.name(job.number)
                 if outcome.crashed:
                     log.error("planner %s on %s: %s", job.planner, name, outcome.reason)
-                self._journals[job.planner].add(job.number, outcome, self._commit)
+                self._journals[job.planner].add(job.number, outcome, self._commit, self._worlds.digest(job.number))
                 if watch is not None:
                     watch(Progress(job, name, outcome))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from actors.maps.files import MapFile
@@ -49,10 +49,30 @@ class WorldSet:
         if max(Counter(path.name for path in paths).values(), default=1) > 1:
             self._root = Path(os.path.commonpath([path.parent for path in paths]))
 
-    def changed_since(self, moment: float) -> list[Path]:
-        """Return the files of maps, and images of ROS maps, that were written after a moment (seconds since 1970)."""
-        paths = {path for file in _files(self._source) for path in file.parts()}
-        return sorted(path for path in paths if path.is_file() and path.stat().st_mtime > moment)
+    def changed_since(self, moment: float, digests: Mapping[int, str]) -> set[Path]:
+        """Return files of worlds whose results were kept, for worlds that are others now.
+
+        Only files that were written since are read, and only where it is known what they held.
+
+        Args:
+            moment: when the results were last written, seconds since 1970.
+            digests: of the worlds with results, by number; an empty one where nothing is known but the moment.
+        """
+        found = set()
+        for number, digest in digests.items():
+            file = _file(self._source, number)
+            written = None if file is None else file.changed_since(moment, replaced=bool(digest))
+            if written is not None and not (digest and digest == self.digest(number)):
+                found.add(written)
+        return found
+
+    def digest(self, number: int) -> str:
+        """Return what identifies the contents of a world's files; empty for a generated one, and for a missing file."""
+        file = _file(self._source, number)
+        try:
+            return "" if file is None else file.digest()
+        except OSError:
+            return ""
 
     @classmethod
     def open(cls, specs: Sequence[str], task: str, metres_per_pixel: float | None, limit: int | None) -> WorldSet:

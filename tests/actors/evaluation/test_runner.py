@@ -1,5 +1,6 @@
 import json
 import os
+import re
 
 import pytest
 
@@ -62,9 +63,35 @@ def test_maps_that_changed_since_the_results_are_warned_of(tmp_path):
     later = image.stat().st_mtime + 1000.0
     os.utime(image, (later, later))
     with Evaluation(mine, ["greedy"], tmp_path / "out") as again:
+        assert again.maps_warning() == "", "it is written anew, and is the same"
+    journal = tmp_path / "out" / "greedy.jsonl"
+    recorded = journal.read_text()
+    journal.write_text(re.sub(r'"map": "[0-9a-f]+", ', "", recorded))
+    with Evaluation(mine, ["greedy"], tmp_path / "out") as again:
+        assert image.name in again.maps_warning(), "an earlier version did not note what it held"
+    journal.write_text(recorded)
+    write_ros(tmp_path / "other.yaml", room(240, 180), image="other.pgm")
+    os.utime(tmp_path / "other.pgm", (0.0, 0.0))
+    (tmp_path / "other.pgm").rename(image)
+    with Evaluation(mine, ["greedy"], tmp_path / "out") as again:
         assert image.name in again.maps_warning() and "--overwrite" in again.maps_warning()
     with Evaluation(mine, ["greedy"], tmp_path / "out", overwrite=True) as again:
         assert again.maps_warning() == ""
+
+
+def test_a_start_that_changed_since_the_results_is_warned_of(tmp_path):
+    write_ros(tmp_path / "plan.yaml", room(240, 160), resolution=0.1, origin=[-5.0, -4.0, 0.0])
+    places = tmp_path / "worlds.toml"
+    places.write_text('[worlds."plan.yaml"]\nstart = [-2.5, 3.0]\n')
+    mine = settings(maps=(str(tmp_path),), limit=None)
+    with Evaluation(mine, ["greedy"], tmp_path / "out") as evaluation:
+        evaluation.run(1)
+    places.write_text('# The same place.\n[worlds."plan.yaml"]\nstart = [-2.5, 3]\n')
+    with Evaluation(mine, ["greedy"], tmp_path / "out") as again:
+        assert again.maps_warning() == ""
+    places.write_text('[worlds."plan.yaml"]\nstart = [-2.0, 3.0]\n')
+    with Evaluation(mine, ["greedy"], tmp_path / "out") as again:
+        assert "worlds.toml changed after results" in again.maps_warning()
 
 
 def test_other_settings_do_not_mix(done):
