@@ -5,8 +5,10 @@ from __future__ import annotations
 import logging
 import os
 import sys
+from collections.abc import Callable
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.logging import RichHandler
@@ -18,6 +20,19 @@ MAX_BYTES = 10_000_000
 """Size at which a log file is set aside and a new one begun."""
 KEPT_FILES = 4
 """Files kept beside the newest."""
+
+
+def lasting(holds: Callable[[], bool]) -> dict[str, Any]:
+    """Return the ``extra`` of a log line about something that lasts, so that a status tells it for as long.
+
+    Usage::
+
+        log.error("the watchdog is dead", extra=lasting(lambda: not self.alive))
+
+    Args:
+        holds: whether it is still so; called from any thread, at any time.
+    """
+    return {"holds": holds}
 
 
 class PrintableFormatter(logging.Formatter):

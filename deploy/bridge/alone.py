@@ -14,6 +14,7 @@ from common.bus.fleet import BridgeId, bridges_at
 from common.bus.liveness import PresenceWatcher, Process, declare_presence
 from common.errors import BusError
 from common.system.closing import Closing
+from common.system.logs import lasting
 from deploy.network_config import RosConfig
 from deploy.ros2.errors import RosError
 from deploy.ros2.session import open_session
@@ -113,7 +114,9 @@ class Rivals(Closing):
         role, instance = process
         if role == "bridge" and instance != self._instance:
             what = "appeared: this one holds its robot" if there else "is gone"
-            log.log(logging.ERROR if there else logging.INFO, "another bridge of the name %r %s", self._name, what)
+            level = logging.ERROR if there else logging.INFO
+            extra = lasting(lambda: instance in self._others())
+            log.log(level, "another bridge of the name %r %s", self._name, what, extra=extra)
 
 
 def _taken(name: str, others: frozenset[BridgeId] | set[BridgeId]) -> str:

@@ -14,6 +14,7 @@ from common.bus.control import ControlServer
 from common.bus.liveness import declare_presence
 from common.messages.replies import ROBOT_VERBS
 from common.system.closing import Closing
+from common.system.logs import lasting
 from deploy.bridge.alone import NameProbe, Rivals, new_instance
 from deploy.bridge.commands import Commands, TopicCommands
 from deploy.bridge.decision import DecisionLoop
@@ -70,6 +71,7 @@ class Bridge(Closing):
         self._parts = ExitStack()
         self._lifecycle = Lifecycle()
         self._ended = threading.Event()
+        self._passes = True
         self._problems = self._parts.enter_context(LastProblem())
         try:
             with self._lifecycle.transition("configure"):
@@ -85,9 +87,11 @@ class Bridge(Closing):
             due = max(due + 1.0 / _PASSES, time.monotonic())
             try:
                 self._pass()
+                self._passes = True
             except Exception as error:
                 # The robot stands and the next pass tries again; what went wrong is told by the status.
-                log.exception("a pass of the decision loop failed")
+                self._passes = False
+                log.exception("a pass of the decision loop failed", extra=lasting(lambda: not self._passes))
                 self._driving.stand(f"a pass of the decision loop failed: {error}")
 
     def close(self) -> None:

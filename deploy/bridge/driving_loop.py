@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from common.geometry import Pose
 from common.planners.base import Position
 from common.system.closing import Closing
+from common.system.logs import lasting
 from deploy.config import DrivingConfig
 from deploy.driving import LocalPlanner
 from deploy.safety.gate import VelocityGate
@@ -106,7 +107,7 @@ class DrivingLoop(Closing):
         self._held = ("", "")
         self._stop = threading.Event()
         self.error = ""
-        """The last error of this thread; empty while there was none."""
+        """Why the last turn of this thread failed; empty when it did not."""
         self._thread = threading.Thread(target=self._run, name="driving", daemon=True)
         self._thread.start()
 
@@ -144,12 +145,13 @@ class DrivingLoop(Closing):
             due = max(due + period, time.monotonic())
             try:
                 self._turn(period)
+                self.error = ""
             except Exception as error:
                 # The robot stands, and whatever went wrong is tried again: this thread must not end.
                 self._hold(f"the driving loop failed: {error}")
-                if self.error != str(error):
-                    log.exception("the driving loop failed")
-                self.error = str(error)
+                before, self.error = self.error, str(error) or type(error).__name__
+                if before != self.error:
+                    log.exception("the driving loop failed: %s", self.error, extra=lasting(lambda: bool(self.error)))
 
     def _turn(self, period: float) -> None:
         now = time.monotonic()

@@ -21,6 +21,7 @@ from common.planners.learned import LearnedPlanner
 from common.policies.policy import Policy
 from common.policies.policy_file import PolicyCard
 from common.system.closing import Closing
+from common.system.logs import lasting
 from common.tasks import find_task
 from deploy.bridge.planner_selector import PlannerSelector
 from deploy.config import DecisionConfig
@@ -79,7 +80,8 @@ class LivePolicy(Closing):
         try:
             self._load(found[0], weights, planners)
         except HDError as error:
-            log.error("weights of version %d cannot be used: %s", weights.version, error)
+            unused = lasting(lambda: self._used is weights)
+            log.error("weights of version %d cannot be used: %s", weights.version, error, extra=unused)
             return
         self.version = weights.version
         log.info("policy version %d of run %r decides", weights.version, self._run_name)

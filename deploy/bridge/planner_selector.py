@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from typing import Any
 
 from common.errors import ConfigError, HDError
@@ -10,6 +11,7 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Planner, Position, TaskName, mapping_for
 from common.planners.registry import make_planner
+from common.system.logs import lasting
 from common.tasks import NAVIGATION, find_task
 from deploy.config import DeployConfig
 
@@ -88,9 +90,9 @@ class PlannerSelector:
         """Put the fallback in charge for a while."""
         if self._homing or self._episode is None:
             return
-        log.warning(
-            "planner %s is relieved by %s for %g s: %s", self._main.name, self._fallback.name, self._relief, why
-        )
+        names = self._main.name, self._fallback.name
+        relieved = lasting(lambda: self.relieved(time.monotonic()))
+        log.warning("planner %s is relieved by %s for %g s: %s", *names, self._relief, why, extra=relieved)
         if now >= self._until:
             _begin(self._fallback, *self._episode)
         self._until = now + self._relief
@@ -117,7 +119,7 @@ class PlannerSelector:
             return planner.plan(mapper, pose)
         except Exception as error:
             # Whatever a planner's mistake is, a robot on its way must not end with it.
-            log.exception("planner %s failed", planner.name)
+            log.exception("planner %s failed", planner.name, extra=lasting(lambda: self.relieved(time.monotonic())))
             failure = f"planner {planner.name} failed: {type(error).__name__}: {error}"
             self.relieve(now, failure)
             raise PlannerError(failure) from error

@@ -30,7 +30,7 @@ class Policy:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """The last error.
+    """A warning or an error.
 
     Attributes:
         text: what went wrong.
@@ -80,7 +80,7 @@ class Status:
         gate: what the watchdog does with the velocity topic.
         gate_reason: why.
         emergency_stop: the stop is latched.
-        error: the last error, None while there was none.
+        error: the last warning or error that is not over, None without; what merely happened is over after a minute.
         version: of this record.
     """
 

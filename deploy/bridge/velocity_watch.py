@@ -8,6 +8,7 @@ from typing import Final
 import zenoh
 
 from common.system.closing import Closing
+from common.system.logs import lasting
 from deploy.network_config import RosConfig, TopicsConfig
 from deploy.ros2 import Node
 from deploy.ros2.graph import RMW_SELECTOR, SeenEndpoint, parse_token
@@ -55,4 +56,5 @@ class VelocityWatch(Closing):
             self.others.discard(seen.node)
         elif seen.node not in self.others:
             self.others.add(seen.node)
-            log.warning("%s publishes on %s as well: %s", seen.node, self._topic, _ADVICE)
+            extra = lasting(lambda: seen.node in self.others)
+            log.warning("%s publishes on %s as well: %s", seen.node, self._topic, _ADVICE, extra=extra)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections import Counter, deque
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from common.errors import MappingError
 from common.geometry import Pose, Scan
+from common.system.logs import lasting
 from deploy.config import SensingConfig
 from deploy.mapping.cloud import checked_points, project
 from deploy.mapping.cloud import problem as cloud_problem
@@ -39,6 +41,8 @@ MAX_STREAMS: Final = 1000
 MAX_NOTES: Final = 100
 # A stamp that lies so much further back than the newest one means that the clock was set back, seconds.
 CLOCK_JUMP: Final = 10.0
+# What has not been dropped for so long, seconds, is no longer dropped.
+GONE_SECONDS: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,6 +108,7 @@ class Intake:
         self._first_clock = float("inf")
         self.received = 0
         self.dropped: Counter[str] = Counter()
+        self._dropped_at: dict[str, float] = {}
         self.problem = ""
         self.forget()
 
@@ -153,16 +158,16 @@ class Intake:
 
     def add_transforms(self, transforms: Iterable[StampedTransform], static: bool) -> None:
         """Add transforms; those that are none are left out and counted."""
-        for time, parent, child, translation, rotation in transforms:
+        for moment, parent, child, translation, rotation in transforms:
             try:
-                self._tree.add(time, parent, child, translation, rotation, static=static)
+                self._tree.add(moment, parent, child, translation, rotation, static=static)
             except MappingError as error:
                 self.drop("transform refused", str(error))
                 continue
             if not static and self._by_tf:
-                if self._ordered(f"transform of {child}", time) is Order.SET_BACK:
-                    self._tree.add(time, parent, child, translation, rotation)
-                self._tick(time)
+                if self._ordered(f"transform of {child}", moment) is Order.SET_BACK:
+                    self._tree.add(moment, parent, child, translation, rotation)
+                self._tick(moment)
         if self._by_tf and not self._connected:
             self._connected = self._placing.newest_pose is not None
             if np.isfinite(self._clock):
@@ -201,9 +206,11 @@ class Intake:
     def drop(self, reason: str, problem: str) -> None:
         """Count a message that was dropped, and say why in the log when it is the first one for that reason."""
         self.dropped[reason] += 1
+        self._dropped_at[reason] = time.monotonic()
         self.problem = problem
         if self.dropped[reason] == 1:
-            logger.warning("%s (only the first is reported): %s", reason, problem)
+            goes_on = lasting(lambda: time.monotonic() - self._dropped_at[reason] < GONE_SECONDS)
+            logger.warning("%s (only the first is reported): %s", reason, problem, extra=goes_on)
 
     def world(self, frame: str) -> Transform | None:
         """Return where a frame of the world, such as that of a SLAM's map, lies in the map frame; None if unknown."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import threading
 from typing import Any
 
 import zenoh
@@ -12,6 +13,7 @@ from common.bus.endpoint import is_loopback
 from common.bus.session import reason
 from common.bus.tls import access_settings, tls_settings
 from common.config.endpoint import ROBOT_PROTOCOLS, check_endpoint
+from common.system.logs import lasting
 from deploy.network_config import RosConfig
 from deploy.ros2.errors import RosError
 
@@ -51,15 +53,18 @@ def open_session(config: RosConfig, *, wait: bool = True) -> zenoh.Session:
     local = all(is_loopback(endpoint) for endpoint in config.connect)
     if config.mode == "peer" or (config.mode == "auto" and local):
         return _open(config, "peer", (LOOPBACK,), -1)
-    waited = False
+    waited, joined = False, threading.Event()
     while True:
         try:
-            return _open(config, "client", (), CLIENT_TIMEOUT)
+            session = _open(config, "client", (), CLIENT_TIMEOUT)
+            joined.set()
+            return session
         except RosError as error:
             if not wait or ("imeout" not in str(error) and "Unable to connect" not in str(error)):
                 raise
             if not waited:
-                log.warning("waiting for the Zenoh router at %s", ", ".join(config.connect))
+                waits = lasting(lambda: not joined.is_set())
+                log.warning("waiting for the Zenoh router at %s", ", ".join(config.connect), extra=waits)
             waited = True
 
 

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from common.errors import ConfigError, HDError
 from common.system.closing import Closing
+from common.system.logs import lasting
 from common.system.runtime import python_module
 from common.system.threads import Complaints
 from deploy.config import DeployConfig
@@ -224,11 +225,12 @@ class VelocityGate(Closing):
                 try:
                     self._replace_watchdog(str(error))
                 except OSError as failure:
-                    log.error("no other watchdog can be started (%s): trying again", failure)
+                    lacking = lasting(self._lacks_watchdog)
+                    log.error("no other watchdog can be started (%s): trying again", failure, extra=lacking)
                     self._closed.wait(1.0)
 
     def _replace_watchdog(self, why: str) -> None:
-        log.error("the watchdog is dead or hangs (%s): starting another", why)
+        log.error("the watchdog is dead or hangs (%s): starting another", why, extra=lasting(self._lacks_watchdog))
         with self._lock:
             latched = self._latched
             if not latched and self._state.emergency_stop:
@@ -246,9 +248,13 @@ class VelocityGate(Closing):
             try:
                 self._hear()
             except (EOFError, SafetyError) as error:
-                log.error("the new watchdog ended as it started (%s): trying again", error)
+                lacking = lasting(self._lacks_watchdog)
+                log.error("the new watchdog ended as it started (%s): trying again", error, extra=lacking)
                 self._closed.wait(1.0)
                 return
+
+    def _lacks_watchdog(self) -> bool:
+        return not self._state.alive
 
     def _stop_the_robot(self) -> None:
         """Do the watchdog's work for as long as it cannot."""
