@@ -208,10 +208,17 @@ def _bus(
     from pydantic import ValidationError
 
     from common.config import BusConfig
+    from common.config.endpoint import check_endpoint
 
+    endpoints = tuple(connect or [DEFAULT_ENDPOINT])
+    for endpoint in endpoints:
+        try:
+            check_endpoint(endpoint)
+        except ValueError as error:
+            raise ConfigError(f"--connect: {error}, got {endpoint!r}") from None
     try:
         return BusConfig(
-            connect=tuple(connect or [DEFAULT_ENDPOINT]),
+            connect=endpoints,
             tls_ca=tls_ca,
             tls_certificate=tls_certificate,
             tls_key=tls_key,
