@@ -4,26 +4,36 @@ from __future__ import annotations
 
 import errno
 import functools
+import inspect
 import io
+import re
 import sys
 from collections.abc import Callable
-from typing import Annotated, Any, Final, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Final, ParamSpec, TypeVar
 
 import typer
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Column, Table
 
 from common.errors import HDError, StorageError
 from common.registry import Registry
 from common.system.extras import MissingPackageError, extras_with, package_of
 from common.system.printable import printable
 
+if TYPE_CHECKING:
+    # Imported where something is shown: help needs none of it.
+    from rich.console import Console
+    from rich.table import Table
+
 P = ParamSpec("P")
 R = TypeVar("R")
+F = TypeVar("F", bound=Callable[..., Any])
 
 EXIT_ERROR = 1
 EXIT_INTERRUPTED = 130
+# Help is as wide as the terminal, up to this.
+_HELP_COLUMNS: Final = 120
+# Before a paragraph of a help text whose lines stay as they are.
+_RAW: Final = "\b"
+_LISTED: Final = re.compile(r"^(?:- |  )", re.MULTILINE)
 # Wide enough for every table of ours.
 _PIPE_COLUMNS: Final = 400
 # What the system says of a full disk, and of a full quota.
@@ -37,12 +47,16 @@ def output_console() -> Console:
 
     Without emoji: `:office:` would become a house, and generators have such names.
     """
+    from rich.console import Console
+
     console = Console(emoji=False, highlight=False)
     return console if console.is_terminal else Console(emoji=False, highlight=False, width=_PIPE_COLUMNS)
 
 
 def message_console() -> Console:
     """Return a console on standard error, for progress, warnings and errors."""
+    from rich.console import Console
+
     return Console(stderr=True, emoji=False, highlight=False)
 
 
@@ -53,6 +67,8 @@ def whole_table(*titles: str, **options: Any) -> Table:
         titles: of the columns.
         options: other arguments of `rich.table.Table`.
     """
+    from rich.table import Column, Table
+
     return Table(*(Column(title, overflow="fold") for title in titles), **options)
 
 
@@ -61,7 +77,25 @@ class CommandApp(typer.Typer):
 
     What the terminal's encoding lacks (a C or Latin-1 locale, a redirected stream) is written as its number, such as
     ``\\u2265``, and does not end the command.
+
+    Help is plain text: formatting it with Rich takes longer than all else that help needs, and takes what stands in
+    brackets, such as defaults, for its own markup.
     """
+
+    def __init__(self, **options: Any) -> None:
+        """Make one with the options of `typer.Typer`."""
+        options["context_settings"] = {"max_content_width": _HELP_COLUMNS, **(options.get("context_settings") or {})}
+        super().__init__(rich_markup_mode=None, **options)
+
+    def command(self, name: str | None = None, **options: Any) -> Callable[[F], F]:
+        """Register a subcommand; see `typer.Typer.command`. In its help, examples stay on lines of their own."""
+
+        def register(function: F) -> F:
+            texts = {"help": options.get("help") or inspect.getdoc(function), "epilog": options.get("epilog")}
+            kept = {name: with_lines_kept(text) for name, text in texts.items() if text}
+            return super(CommandApp, self).command(name, **{**options, **kept})(function)
+
+        return register
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Run the command that the arguments name; see `typer.Typer`."""
@@ -69,6 +103,12 @@ class CommandApp(typer.Typer):
             if isinstance(stream, io.TextIOWrapper):
                 stream.reconfigure(errors="backslashreplace")
         return super().__call__(*args, **kwargs)
+
+
+def with_lines_kept(text: str) -> str:
+    """Return a help text whose lists and indented lines are marked to be shown line by line, as they are written."""
+    marked = [f"{_RAW}\n{part}" if _LISTED.search(part) else part for part in re.split(r"\n\s*\n", text.strip("\n"))]
+    return "\n\n".join(marked)
 
 
 def command_errors(function: Callable[P, R]) -> Callable[P, R]:
@@ -143,6 +183,8 @@ def completing(registry: Registry) -> Callable[[str], list[str]]:
 
 def _ended_by(error: HDError) -> typer.Exit:
     """Print an error, and return what ends the command."""
+    from rich.markup import escape
+
     words = escape(printable(str(error), lines=True))
     message_console().print("[bold red]error:[/]", words, soft_wrap=True)
     return typer.Exit(EXIT_ERROR)

@@ -11,9 +11,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
-
 from common.errors import ConfigError
 
 BEGIN: Final = "--ros-args"
@@ -84,6 +81,9 @@ def parameters_of(file: Path) -> list[str]:
     Raises:
         ConfigError: it cannot be read, or is no file of parameters.
     """
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
     try:
         nodes = YAML(typ="safe").load(file.read_text("utf-8-sig"))
     except (OSError, UnicodeDecodeError, YAMLError) as error:

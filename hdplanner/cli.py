@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import sys
 
-import typer
-
-from common.cli import add_version, command_errors
+from common.cli import CommandApp, add_version, command_errors
 from common.errors import HDError
 from common.extensions import GENERATORS, SIMULATORS
 from common.planners.registry import PLANNERS
 from common.tasks import TASKS
 
-app = typer.Typer(
+app = CommandApp(
     name="hdplanner",
     help="HDPlanner's version and parts. The work is done by `hd-learner`, `hd-actor`, `hd-eval` and `hd-deploy`.",
     no_args_is_help=True,
-    rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )

@@ -32,7 +32,6 @@ app = CommandApp(
     name="hd-learner",
     help="The learner: collects experience from actors over the bus, trains the planner, and hands out its policy.",
     no_args_is_help=True,
-    rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )

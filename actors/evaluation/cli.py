@@ -32,7 +32,6 @@ app = CommandApp(
     name="hd-eval",
     help="Evaluation: run planners on maps, compare them, plot and verify the results.",
     no_args_is_help=True,
-    rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )

@@ -7,14 +7,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.markup import escape
-
 from common.system.progress import Steps, tell_of_kernels
 from common.system.remote_files import RemoteFolder
 from common.system.signals import on_signals
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from actors.evaluation.runner import Evaluation
     from actors.evaluation.runner import Progress as Finished
 
@@ -47,6 +46,8 @@ def run_and_show(
         HDError: the processes cannot start, or the results cannot be written or copied.
         KeyboardInterrupt: on SIGINT or SIGTERM; the results hold what was done, and the console said how to continue.
     """
+    from rich.markup import escape
+
     tell_of_kernels(console, "common", "actors")
     rows = list(dict.fromkeys(planners))
     # A wrong URL is said before the work.

@@ -21,11 +21,11 @@ from actors.evaluation.options import (
     Target,
     write_text,
 )
-from common.cli import EXIT_ERROR, command_errors, message_console
+from common.cli import EXIT_ERROR, CommandApp, command_errors, message_console
 from common.errors import ConfigError
 from common.system.progress import Steps, tell_of_kernels
 
-app = typer.Typer()
+app = CommandApp()
 
 
 class UnitsChoice(StrEnum):

@@ -8,12 +8,12 @@ import sys
 from collections.abc import Callable
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
-from typing import Any
-
-from rich.console import Console
-from rich.logging import RichHandler
+from typing import TYPE_CHECKING, Any
 
 from common.system.printable import printable
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 PLAIN_FORMAT = "%(asctime)s %(levelname)-7s %(name)s: %(message)s"
 MAX_BYTES = 10_000_000
@@ -77,6 +77,9 @@ def setup_logging(level: str | None = None, *, console: Console | None = None) -
         raise ValueError(f"log level must be debug, info, warning or error, got {name.lower()!r}")
     handler: logging.Handler
     if console is not None or sys.stderr.isatty():
+        from rich.console import Console
+        from rich.logging import RichHandler
+
         handler = RichHandler(console=console or Console(stderr=True), show_path=False, rich_tracebacks=False)
         handler.setFormatter(PrintableFormatter("%(name)s: %(message)s", datefmt="[%X]"))
     else:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from common.cli import command_errors, message_console, output_console
+from common.cli import CommandApp, command_errors, message_console, output_console
 from common.registry import refuse_modules
 from common.system.logs import setup_logging
 from common.system.progress import Steps, tell_of_kernels
@@ -22,7 +22,7 @@ from deploy.cli_options import ConfigFile, Connect, LogLevel, Overrides, Profile
 if TYPE_CHECKING:
     from deploy.config import DeployConfig
 
-app = typer.Typer()
+app = CommandApp()
 
 Rerun = Annotated[bool, typer.Option("--rerun", help="Show it live in Rerun (extra `rerun`).")]
 

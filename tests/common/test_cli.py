@@ -5,13 +5,14 @@ import io
 import os
 import subprocess
 import sys
+from typing import Annotated
 
 import pytest
 import typer
 from rich.console import Console
 from typer.testing import CliRunner
 
-from common.cli import command_errors, output_console, whole_table
+from common.cli import CommandApp, command_errors, output_console, whole_table
 from common.errors import ConfigError
 
 
@@ -39,6 +40,27 @@ def test_errors_are_one_line_and_a_non_zero_exit(error, code, words):
     assert result.exit_code == code
     assert words in result.stderr
     assert "Traceback" not in result.output
+
+
+def test_help_keeps_examples_on_their_lines_and_what_stands_in_brackets():
+    app = CommandApp()
+
+    @app.command(epilog="Rows:\n\n  one  1\n\n  two  2\n")
+    def sail(where: Annotated[str | None, typer.Option(help="Port. [default: home]")] = None) -> None:
+        """Put out to sea, for as long as there is wind
+        and water.
+
+        Examples:
+        - `sail --where Samarkand`
+
+        - `sail`
+        """
+
+    words = CliRunner().invoke(app, ["--help"]).output
+    assert "Put out to sea, for as long as there is wind and water." in words
+    assert "  Examples:\n  - `sail --where Samarkand`\n\n  - `sail`\n" in words
+    assert "Port. [default: home]" in words
+    assert "    one  1\n\n    two  2\n" in words
 
 
 def test_other_errors_of_the_system_are_not_hidden():

@@ -21,13 +21,12 @@ from actors.evaluation.options import (
 )
 from actors.evaluation.progress import planner_list, run_and_show
 from actors.evaluation.replanning import Replan
-from common.cli import EXIT_ERROR, command_errors, message_console
+from common.cli import EXIT_ERROR, CommandApp, command_errors, message_console
 from common.system.logs import setup_logging
 from common.system.progress import Steps, tell_of_kernels
 from common.tasks import EXPLORATION, find_task
 
-app = typer.Typer()
-
+app = CommandApp()
 
 Baseline = Annotated[
     str | None, typer.Option("--baseline", metavar="PLANNER", help="Compare with it: ratio of distances, interval.")
