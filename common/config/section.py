@@ -13,4 +13,7 @@ Positive = Annotated[float, Field(gt=0.0)]
 class Section(BaseModel):
     """Base of all sections: unknown names are errors, values never change after validation."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
+    # No process validates all sections, and building the validator of one takes milliseconds.
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False, defer_build=True
+    )

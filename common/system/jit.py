@@ -22,10 +22,12 @@ import logging
 import os
 import shutil
 import signal
+import sys
 import threading
 import time
 import zlib
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -164,6 +166,7 @@ def _compile_in_one_process(kernel: Any, folder: Path) -> None:
     place = zlib.crc32(f"{kernel.py_func.__module__}.{kernel.py_func.__qualname__}".encode())
 
     def compile_once(signature: Any) -> Any:
+        _leave_scipy_out()
         if isinstance(signature, tuple) and signature in kernel.overloads:
             return compile_now(signature)
         # numba's lock first: whoever waits for another process keeps this one's threads from waiting for each other.
@@ -178,6 +181,24 @@ def _compile_in_one_process(kernel: Any, folder: Path) -> None:
             return entry
 
     kernel.compile = compile_once
+
+
+@functools.cache
+def _leave_scipy_out() -> None:
+    """Keep numba from importing SciPy, a quarter of a second, only to see whether its linear algebra is there.
+
+    A kernel that uses it still finds it: numba looks once more where one is compiled.
+    """
+    if find_spec("scipy") is None or "numba.np.arraymath" in sys.modules:
+        return
+    wanted = "scipy.linalg.cython_blas"
+    sys.modules.setdefault(wanted, None)  # type: ignore[arg-type]
+    try:
+        from numba.np import arraymath
+    finally:
+        if sys.modules[wanted] is None:
+            del sys.modules[wanted]
+    arraymath._HAVE_BLAS = True
 
 
 @contextlib.contextmanager

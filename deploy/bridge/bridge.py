@@ -36,7 +36,7 @@ from deploy.bridge.warmup import warm_up
 from deploy.config import DeployConfig
 from deploy.mapping.robot_map import RobotMap
 from deploy.ros2 import Node
-from deploy.safety.gate import VelocityGate, behind_watchdog
+from deploy.safety.gate import VelocityGate, WatchdogProcess, behind_watchdog
 from deploy.safety.geofence import Geofence
 from deploy.safety.health import HealthMonitor
 from deploy.safety.lifecycle import Lifecycle, LifecycleState
@@ -110,6 +110,8 @@ class Bridge(Closing):
         config, enter = self._config, self._parts.enter_context
         sys.setswitchinterval(_SWITCH_INTERVAL)
         fence = Geofence.around_robot(config)
+        # It imports while this process prepares what decides.
+        watchdog = enter(WatchdogProcess())
         # A bridge that is the router itself has a network of its own.
         probe = None if config.ros.listen else enter(NameProbe(config.name, config.ros))
         self._live = (
@@ -120,7 +122,7 @@ class Bridge(Closing):
         self._mission = Mission(decision.task, decision.goal, decision.goal_reach, self._position)
         warm_up(config, self._planners.members(config.decision.task))
         if probe is not None:
-            # Before the watchdog: its zeros would stop the other bridge's robot.
+            # Before the watchdog begins: its zeros would stop the other bridge's robot.
             probe.check()
         self._map = RobotMap(with_planning_set(config, self._planners), self._mission.orders.target)
         self._health = HealthMonitor(config.safety, fence, config.sensing.source)
@@ -129,7 +131,7 @@ class Bridge(Closing):
             decision, config.mapping, config.safety, self._map, self._planners, self._mission, self._health
         )
         self._metrics = Metrics()
-        self._gate = enter(VelocityGate(config))
+        self._gate = enter(VelocityGate(config, watchdog))
         node = enter(Node(behind_watchdog(config.ros), remap=config.topics.remap))
         self._gate.use_when_watchdog_dies(node)
         self._outputs = Outputs(node, config)

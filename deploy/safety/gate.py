@@ -51,6 +51,44 @@ def behind_watchdog(ros: RosConfig) -> RosConfig:
     return ros.model_copy(update={"listen": (), "connect": (*endpoints, *ros.connect)})
 
 
+class WatchdogProcess(Closing):
+    """The process of a watchdog, which imports for a second, and does nothing before it is told to begin.
+
+    It ends when this process does.
+
+    Attributes:
+        channel: to it.
+        process: itself.
+    """
+
+    def __init__(self) -> None:
+        """Start it."""
+        self.channel, theirs = Channel.pair()
+        with theirs:
+            # A session of its own: what a terminal or a shell sends to the bridge's group does not reach it.
+            self.process = subprocess.Popen(
+                python_module("deploy.safety.watchdog", str(theirs.fileno())),
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+
+    def begin(self, config: DeployConfig, emergency_stop: str) -> None:
+        """Let it watch over the robot of a configuration, with the stop latched for a reason, or not."""
+        level = logging.getLevelName(logging.getLogger().getEffectiveLevel()).lower()
+        self.channel.send(
+            config=config.model_dump_json(),
+            emergency_stop=emergency_stop,
+            log_level=level if level in {"debug", "info", "warning", "error"} else "info",
+        )
+
+    def close(self) -> None:
+        """Kill it. Safe to call twice."""
+        self.process.kill()
+        self.process.wait()
+        self.channel.close()
+
+
 class VelocityGate(Closing):
     """Start the watchdog process, tell it what the bridge commands, and hear what it does.
 
@@ -66,8 +104,12 @@ class VelocityGate(Closing):
                 log.info("the robot is stopped: %s", gate.state.reason)
     """
 
-    def __init__(self, config: DeployConfig) -> None:
+    def __init__(self, config: DeployConfig, process: WatchdogProcess | None = None) -> None:
         """Start the watchdog and wait until it is at work.
+
+        Args:
+            config: whole tree.
+            process: one that was started before; whoever gives it closes it.
 
         Raises:
             ConfigError: the configuration leaves it no topic to stop the robot with.
@@ -87,11 +129,11 @@ class VelocityGate(Closing):
         self._cannot_stop = Complaints("stopping the robot without a watchdog")
         self._last_hold: str | None = None
         self._latched = ""
-        self._channel, self._process = self._start("")
+        self._start(process or WatchdogProcess(), "")
         try:
             self._wait_for_start()
         except BaseException:
-            self._kill()
+            self._watchdog.close()
             raise
         self._thread = threading.Thread(target=self._keep, name="velocity-gate", daemon=True)
         self._thread.start()
@@ -145,7 +187,7 @@ class VelocityGate(Closing):
     @property
     def pid(self) -> int:
         """Process number of the watchdog."""
-        return self._process.pid
+        return self._watchdog.process.pid
 
     def close(self) -> None:
         """End the watchdog in order: it sends zeros a little longer and ends."""
@@ -155,28 +197,14 @@ class VelocityGate(Closing):
         self._thread.join(_CLOSE_TIMEOUT)
         self._send("finish")
         try:
-            self._process.wait(_CLOSE_TIMEOUT)
+            self._watchdog.process.wait(_CLOSE_TIMEOUT)
         except subprocess.TimeoutExpired:
             log.warning("the watchdog does not end: it is killed")
-        self._kill()
+        self._watchdog.close()
 
-    def _start(self, emergency_stop: str) -> tuple[Channel, subprocess.Popen[bytes]]:
-        ours, theirs = Channel.pair()
-        with theirs:
-            # A session of its own: what a terminal or a shell sends to the bridge's group does not reach it.
-            process = subprocess.Popen(
-                python_module("deploy.safety.watchdog", str(theirs.fileno())),
-                pass_fds=[theirs.fileno()],
-                stdin=subprocess.DEVNULL,
-                start_new_session=True,
-            )
-        level = logging.getLevelName(logging.getLogger().getEffectiveLevel()).lower()
-        ours.send(
-            config=self._config.model_dump_json(),
-            emergency_stop=emergency_stop,
-            log_level=level if level in {"debug", "info", "warning", "error"} else "info",
-        )
-        return ours, process
+    def _start(self, watchdog: WatchdogProcess, emergency_stop: str) -> None:
+        self._watchdog, self._channel = watchdog, watchdog.channel
+        watchdog.begin(self._config, emergency_stop)
 
     def _wait_for_start(self) -> None:
         deadline = time.monotonic() + _START_TIMEOUT
@@ -236,8 +264,8 @@ class VelocityGate(Closing):
             if not latched and self._state.emergency_stop:
                 latched = "latched before the watchdog was replaced"
             self._state = replace(self._state, alive=False, reason="the watchdog died; another one starts")
-        self._kill()
-        self._channel, self._process = self._start(latched)
+        self._watchdog.close()
+        self._start(WatchdogProcess(), latched)
         self._heard = time.monotonic()
         if self._last_hold is not None:
             self.hold(self._last_hold)
@@ -264,8 +292,3 @@ class VelocityGate(Closing):
                 self._fallback.velocity(0.0, 0.0)
             with self._cannot_stop:
                 self._fallback.stop(STOP_ALL)
-
-    def _kill(self) -> None:
-        self._process.kill()
-        self._process.wait()
-        self._channel.close()

@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[3]
 INNER = "from common.system.jit import njit\n\n@njit(cache=True)\ndef inner(x):\n    return x + {}\n"
 OUTER = (
@@ -98,3 +100,31 @@ def test_a_signal_in_the_midst_of_compiling_is_heard_when_that_kernel_is_done(tm
     command = [sys.executable, "program.py"]
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (143, "1 0 True\n", "terminated\n")
+
+
+ALGEBRA = """
+import sys
+import numpy as np
+from common.system.jit import njit
+
+@njit(cache=True)
+def twice(x):
+    return 2.0 * x
+
+@njit(cache=True)
+def product(x):
+    return np.dot(x, x)
+
+twice(1.0)
+print("scipy.linalg" in sys.modules)
+print(product(np.eye(2))[0, 0])
+"""
+
+
+def test_linear_algebra_is_imported_for_a_kernel_that_needs_it_alone(tmp_path):
+    pytest.importorskip("scipy", reason="SciPy is not installed")
+    (tmp_path / "program.py").write_text(ALGEBRA)
+    environment = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "program.py"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.stdout == "False\n1.0\n", done.stderr

@@ -11,7 +11,7 @@ from deploy.config import DeployConfig
 from deploy.network_config import RosConfig
 from deploy.ros2 import Node
 from deploy.safety.channel import Channel
-from deploy.safety.gate import SafetyError, VelocityGate, behind_watchdog
+from deploy.safety.gate import SafetyError, VelocityGate, WatchdogProcess, behind_watchdog
 from tests.common.bus.processes import eventually, free_port
 
 
@@ -99,6 +99,18 @@ def test_reason_of_a_watchdog_that_cannot_start_is_told():
     config = DeployConfig(ros={"connect": (f"tcp/127.0.0.1:{free_port()}",), "tls_ca": "/nowhere/ca.pem"})
     with pytest.raises(SafetyError, match=r"tls_ca: no file '/nowhere/ca.pem'"):
         VelocityGate(config)
+
+
+def test_a_process_that_was_started_before_is_the_watchdog_and_does_nothing_until_then():
+    config = DeployConfig(ros=RosConfig(listen=(f"tcp/127.0.0.1:{free_port()}",), connect=()))
+    with WatchdogProcess() as process:
+        assert process.channel.receive() == []
+        with VelocityGate(config, process) as gate:
+            assert gate.pid == process.process.pid
+            assert gate.state.alive
+    with WatchdogProcess() as unused:
+        pass
+    assert unused.process.returncode is not None
 
 
 def test_a_bridge_that_cannot_publish_still_replaces_a_dead_watchdog():
