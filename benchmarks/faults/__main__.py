@@ -56,10 +56,11 @@ class Extent:
     messages: int
     failures: int
     knocks: int
+    rate: float
 
 
-LONG: Final = Extent(5, 12.0, 12.0, 5, 20.0, 6.0, 12, 1_000_000, 1_000, 200, 60, 200, 5)
-SHORT: Final = Extent(1, 2.0, 2.0, 1, 1.0, 0.5, 4, 100, 1, 20, 10, 5, 1)
+LONG: Final = Extent(5, 12.0, 12.0, 5, 20.0, 6.0, 12, 1_000_000, 1_000, 200, 60, 200, 5, 50.0)
+SHORT: Final = Extent(1, 2.0, 2.0, 1, 1.0, 0.5, 4, 100, 1, 20, 10, 5, 1, 10.0)
 
 ON_A_RIG: Final[Mapping[str, Callable[[Rig, Extent], Row]]] = {
     "freeze": lambda rig, extent: processes.freeze(rig, extent.frozen),
@@ -93,7 +94,7 @@ def faults(names: Sequence[str], extent: Extent, folder: Path) -> Iterator[Row]:
                 disk = stack.enter_context(mounted(folder / "disk", _DISK_MEGABYTES))
             except MountRefusedError as error:
                 log.warning("%s", error)
-            rig = stack.enter_context(Rig(folder / "rig", disk))
+            rig = stack.enter_context(Rig(folder / "rig", disk, extent.rate))
             for name in chosen:
                 yield _timed(name, lambda name=name: ON_A_RIG[name](rig, extent))  # type: ignore[misc]
     for name in ALONE:

@@ -100,13 +100,14 @@ class Rig(Closing):
     Args:
         folder: for everything; made when missing.
         disk: that the run lies on, where it can be filled.
+        rate: messages that each of the two actors delivers, per second.
 
     Attributes:
         learner: its process.
         link: between the learner and its actors.
     """
 
-    def __init__(self, folder: Path, disk: SmallDisk | None = None) -> None:
+    def __init__(self, folder: Path, disk: SmallDisk | None = None, rate: float = 50.0) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self.disk = disk
         self._acks = folder / "acknowledged"
@@ -122,7 +123,7 @@ class Rig(Closing):
         """Deliveries that were damaged on purpose, as `stored` has them."""
         self._session = open_client_session(BusConfig(), [self.learner.endpoint])
         self.learner.launch("start")
-        self.honest("desk", number=2)
+        self.honest("desk", number=2, rate=rate)
         if self.resumed(0.0, START_SECONDS) is None:
             raise FaultError(f"nothing is acknowledged within {START_SECONDS:g} s:\n{self.log()[-3000:]}")
 

@@ -74,7 +74,7 @@ def test_everything_at_once_by_the_command_in_processes_of_its_own(folder):
         (site / "my_package" / f"{name}.py").write_text(text)
     install(site, "my-package", points)
     command = [sys.executable, "-m", "actors.evaluation", "run", "--planner", "curious,tour", "--task", "half"]
-    command += ["--sim", "rainy", "--maps", "generator:arena?width=320&height=256", "--limit", "1", "--jobs", "2"]
+    command += ["--sim", "rainy", "--maps", "generator:arena?width=320&height=256", "--limit", "1", "--jobs", "1"]
     environment = {**os.environ, "PYTHONPATH": f"{Path(__file__).parents[2]}{os.pathsep}{site}"}
     told = subprocess.run(
         [*command, "--out", "results"], capture_output=True, text=True, cwd=folder, env=environment, check=False

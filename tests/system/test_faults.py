@@ -8,9 +8,8 @@ from benchmarks.faults.__main__ import NAMES, SHORT, faults
 from benchmarks.faults.mutation import mutated
 from benchmarks.faults.table import TITLES, Row, merged
 
-# Frozen learners and full disks have quick tests of their own. The damage is done to a learner that was killed, and
-# resumes.
-ALWAYS = ("cut", "break", "lossy", "hostile", "deaths", "damage")
+# Frozen learners, full disks and damaged files have quick tests of their own, and `test_training` kills a learner.
+ALWAYS = ("cut", "break", "lossy", "hostile", "deaths")
 
 
 def tried(names, folder):

@@ -1,5 +1,7 @@
 """How processes end: cleanly, by an error, by a signal, or with everything left open."""
 
+import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -24,12 +26,27 @@ from contextlib import ExitStack
 from common.messages.experience import EpisodeReport
 from common.messages.weights import Weights
 
+# One process has everything imported; what ends are copies of it, made before anything is open.
+children = {}
+for listen, role, end in zip(*(sys.argv[first::3] for first in (1, 2, 3))):
+    ready, tell = os.pipe()
+    child = os.fork()
+    if not child:
+        os.dup2(tell, 1)
+        break
+    os.close(tell)
+    children[child] = ready, role, end
+else:
+    for child, (ready, role, end) in children.items():
+        status = os.waitpid(child, 0)[1]
+        print(role, end, os.read(ready, 100).decode().strip(), os.waitstatus_to_exitcode(status), flush=True)
+    sys.exit()
+
 # A shell that starts its jobs in the background lets them ignore the interrupt.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 report = EpisodeReport("exploration", "rooms-7", "grid", "train", "policy", 3, 41, 260.5, True, 1.0, 12.5, 0, 3.5)
 weights = Weights.of({}, learner=1, version=1, updates=1)
-config = BusConfig(listen=sys.argv[1])
-role, end = sys.argv[2:]
+config = BusConfig(listen=listen)
 stack = ExitStack()
 enter = stack.enter_context
 def begin():
@@ -90,22 +107,19 @@ QUICK = [("learner", "forgotten"), ("learner", "error"), ("actor", "forgotten"),
 )
 def test_processes_end_whatever_way_they_end(ways):
     """No way of ending hangs: not even leaving everything open."""
-    processes = {
-        (role, end): subprocess.Popen(
-            [sys.executable, "-c", WHOLE, loopback().listen, role, end],
-            cwd=ROOT,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-        )
-        for role, end in ways
-    }
+    arguments = [word for role, end in ways for word in (loopback().listen, role, end)]
+    process = subprocess.Popen(
+        [sys.executable, "-c", WHOLE, *arguments],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+    )
     try:
-        for way, process in processes.items():
-            output, _ = process.communicate(timeout=60)
-            assert output == "ready\n", way
-            assert process.returncode == CODES[way[1]], way
+        output, _ = process.communicate(timeout=60)
     finally:
-        for process in processes.values():
-            process.kill()
-            process.wait()
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    assert output.splitlines() == [f"{role} {end} ready {CODES[end]}" for role, end in ways]
