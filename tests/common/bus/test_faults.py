@@ -1,5 +1,6 @@
 """Processes that are killed, frozen and restarted."""
 
+import os
 import signal
 
 import numpy as np
@@ -15,12 +16,22 @@ from tests.common.messages import samples
 
 # A learner whose store outlives it: one line per delivery, written before the acknowledgement.
 LEARNER = """
-import os, sys
+import os, sys, time
 from common.bus.experience import ExperienceServer, SeenSet
 from common.bus.session import new_incarnation, open_learner_session
 from common.config import BusConfig
 
 endpoint, path = sys.argv[1:]
+parent = os.getpid()
+# Each line begins a learner: a copy of this process, which has everything imported.
+for line in sys.stdin:
+    child = os.fork()
+    if not child:
+        break
+    print(child, flush=True)
+    os.waitpid(child, 0)
+else:
+    sys.exit()
 seen = SeenSet()
 if os.path.exists(path):
     for line in open(path):
@@ -36,7 +47,8 @@ def store(delivery, payload):
 with open_learner_session(BusConfig(listen=endpoint)) as session:
     with ExperienceServer(session, "run", new_incarnation(), store):
         print("ready", flush=True)
-        sys.stdin.read()
+        while os.getppid() == parent:
+            time.sleep(0.1)
 """
 
 ACTOR = """
@@ -59,24 +71,36 @@ with (
 """
 
 
+def begin(learners):
+    """Let a process of `LEARNER` begin a learner; return its number."""
+    learners.stdin.write("\n")
+    learners.stdin.flush()
+    child = int(learners.stdout.readline())
+    assert learners.stdout.readline() == "ready\n"
+    return child
+
+
 def stored(path):
     return [tuple(line.split()) for line in path.read_text().splitlines()]
 
 
 def test_a_killed_learner_loses_nothing_acknowledged_and_counts_nothing_twice(tmp_path):
     config, path = loopback(), tmp_path / "stored"
-    count = 1500
-    with open_client_session(config) as client, ExperienceSender(client, "run", "desk-0", ack_timeout=1.0) as sender:
+    count = 600
+    with (
+        python(LEARNER, config.listen, str(path)) as learners,
+        open_client_session(config) as client,
+        ExperienceSender(client, "run", "desk-0", ack_timeout=1.0) as sender,
+    ):
         sent = 0
         for part in range(1, 4):
-            with python(LEARNER, config.listen, str(path)) as learner:
-                assert learner.stdout.readline() == "ready\n"
-                while sent < count * part // 3:
-                    assert sender.send(samples.report(), timeout=10)
-                    sent += 1
-                if part == 3:
-                    assert sender.flush(20)
-                learner.kill()
+            learner = begin(learners)
+            while sent < count * part // 3:
+                assert sender.send(samples.report(), timeout=10)
+                sent += 1
+            if part == 3:
+                assert sender.flush(20)
+            os.kill(learner, signal.SIGKILL)
         assert sender.acknowledged == count
         assert sender.refused == 0
         lines = stored(path)
@@ -86,17 +110,17 @@ def test_a_killed_learner_loses_nothing_acknowledged_and_counts_nothing_twice(tm
 
 def test_a_frozen_learner_gets_messages_again_and_counts_them_once(tmp_path):
     config, path = loopback(), tmp_path / "stored"
-    with python(LEARNER, config.listen, str(path)) as learner, open_client_session(config) as client:
-        assert learner.stdout.readline() == "ready\n"
+    with python(LEARNER, config.listen, str(path)) as learners, open_client_session(config) as client:
+        learner = begin(learners)
         with ExperienceSender(client, "run", "desk-0", ack_timeout=0.4) as sender:
             sender.send(samples.report())
             assert sender.flush(10)
-            learner.send_signal(signal.SIGSTOP)
+            os.kill(learner, signal.SIGSTOP)
             for _ in range(50):
                 sender.send(samples.report())
             assert eventually(lambda: not sender.learner_present)
             assert sender.pending == 50
-            learner.send_signal(signal.SIGCONT)
+            os.kill(learner, signal.SIGCONT)
             assert sender.flush(10)
         lines = stored(path)
         assert len(lines) == len(set(lines)) == 51
@@ -145,13 +169,17 @@ def test_a_dead_or_frozen_actor_is_seen_to_be_gone(way):
 def test_an_actor_notices_a_restarted_learner(tmp_path, caplog):
     caplog.set_level("INFO")
     config, path = loopback(), tmp_path / "stored"
-    with open_client_session(config) as client, ExperienceSender(client, "run", "desk-0") as sender:
+    with (
+        python(LEARNER, config.listen, str(path)) as learners,
+        open_client_session(config) as client,
+        ExperienceSender(client, "run", "desk-0") as sender,
+    ):
         incarnations = []
         for _ in range(2):
-            with python(LEARNER, config.listen, str(path)) as learner:
-                assert learner.stdout.readline() == "ready\n"
-                sender.send(samples.report())
-                assert sender.flush(10)
-                incarnations.append(sender.learner)
+            learner = begin(learners)
+            sender.send(samples.report())
+            assert sender.flush(10)
+            incarnations.append(sender.learner)
+            os.kill(learner, signal.SIGKILL)
         assert incarnations[0] != incarnations[1]
         assert "the learner was restarted" in caplog.text
