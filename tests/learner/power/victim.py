@@ -21,8 +21,8 @@ from learner.run.folder import RunFolder
 from learner.run.journal import Journal
 from tests.learner.runs import episodes, make_trainer, small_config, train_some
 
-EPISODES = 30
-CONFIG = small_config(replay={"capacity": 100}, journal={"sync_seconds": 0.01}, learner={"publish_every": 2})
+EPISODES = 60
+CONFIG = small_config(replay={"capacity": 150}, journal={"sync_seconds": 0.01}, learner={"publish_every": 2})
 
 
 def main(root: Path, seed: int) -> None:
@@ -30,7 +30,7 @@ def main(root: Path, seed: int) -> None:
     chance = random.Random(seed)
     mark = ctypes.CDLL(None).hd_mark
     # Small segments: beginning one must be as safe as writing into it.
-    learner.trainer.Journal = functools.partial(Journal, segment_bytes=15_000)
+    learner.trainer.Journal = functools.partial(Journal, segment_bytes=30_000)
     # Its library renames a temporary file by a call that no preloaded library sees.
     learner.run.checkpoints.save_file = lambda tensors, path: path.write_bytes(save(tensors))
     with RunFolder.create(root / "runs", CONFIG) as run:
@@ -43,9 +43,9 @@ def main(root: Path, seed: int) -> None:
             word = f"stored {delivery.sequence}".encode()
             trainer.commit.when_synced(lambda durable, word=word: mark(word) if durable else None)
             time.sleep(chance.choice([0.0, 0.0, 0.002, 0.02]))
-            if number % 10 == 5:
+            if number % 20 == 10:
                 train_some(trainer, 2)
-            if number % 12 == 11:
+            if number % 23 == 22:
                 trainer.checkpoint()
         trainer.close()
 

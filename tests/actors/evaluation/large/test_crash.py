@@ -9,12 +9,12 @@ from actors.evaluation.large.robot import LIDAR
 from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.worker import Worker
 
-SMALL = "generator:building?width=144&height=144&lobbies=1"
+SMALL = "generator:building?width=192&height=192&lobbies=1"
 
 
 def test_a_crash_is_told_and_the_next_episode_runs_as_if_it_had_not_been(tmp_path):
     settings = EvaluationSettings(
-        maps=(SMALL,), limit=2, task={"name": "exploration", "max_steps": 3}, simulator=LIDAR, large=True
+        maps=(SMALL,), limit=2, task={"name": "exploration", "max_steps": 4}, simulator=LIDAR, large=True
     )
     worker = Worker(settings, lambda event, place: None)
     try:
