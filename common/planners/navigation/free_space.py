@@ -75,7 +75,7 @@ class FreeSpacePlanner(NavigationPlanner):
         """Return a path to a target, or to where the robot is as near to it as it fits; None when there is no way."""
         space = self.space
         begins, ends = space.at_ease(pose.position), space.at_ease(target)
-        # A straight-lined path from place to place proves that there is a way, which costs less than to look for one.
+        # A path between two such places proves that there is a way, and costs less than to flood the cells for one.
         if not (begins and ends) and not space.joined(pose.position, target):
             return None
         goal = target if ends else space.near(target, self._arrival_radius)
