@@ -76,9 +76,13 @@ class FreeSpacePlanner(NavigationPlanner):
         space = self.space
         begins, ends = space.at_ease(pose.position), space.at_ease(target)
         # A path between two such places proves that there is a way, and costs less than to flood the cells for one.
-        if not (begins and ends) and not space.joined(pose.position, target):
+        if begins and ends:
+            path = self.route(pose.position, target)
+            if path is not None:
+                return path
+        if not space.joined(pose.position, target):
             return None
-        goal = target if ends else space.near(target, self._arrival_radius)
+        goal = None if ends else space.near(target, self._arrival_radius)
         if begins and goal is not None:
             path = self.route(pose.position, goal)
             if path is not None:
