@@ -44,10 +44,10 @@ class Guard:
             config, known_scale=not why_never(card, config, task), trained=card.mapping, explores=target is None
         )
         self._decider = Decider.POLICY
-        self._classical: dict[Decider, Planner] = {}
-        for decider in (Decider.REFERENCE, Decider.IN_THE_OPEN):
-            name = deputy(kind, decider, config)
-            planner = self._classical[decider] = make_planner(name, mapping)
+        self._names = {decider: deputy(kind, decider, config) for decider in (Decider.REFERENCE, Decider.IN_THE_OPEN)}
+        # One planner of a name: what it has planned so far holds whoever asks it.
+        self._classical = {name: make_planner(name, mapping) for name in dict.fromkeys(self._names.values())}
+        for name, planner in self._classical.items():
             planner.reset(kind.asked_of(name, planner.tasks), target, 0)
 
     @property
@@ -69,7 +69,7 @@ class Guard:
         if self._decider is Decider.POLICY:
             self.decided_by = ""
             return None
-        planner = self._classical[self._decider]
+        planner = self._classical[self._names[self._decider]]
         self.decisions += 1
         self.decided_by = planner.name
         return planner.plan(mapper, pose)
