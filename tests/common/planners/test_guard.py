@@ -47,6 +47,15 @@ def test_where_the_policy_is_out_of_its_depth_a_classical_planner_decides(
     assert learned.guarded == environment.steps > 3
 
 
+@pytest.mark.parametrize(("radius", "name"), [(0.0, "dstar_lite"), (0.25, "far")])
+def test_one_classical_planner_decides_wherever_it_is_asked_for_and_knows_what_it_planned(
+    radius: float, name: str
+) -> None:
+    learned = LearnedPlanner(MappingConfig(robot_radius=radius))
+    learned.reset("navigation", (30.0, 0.0), 0)
+    assert [deputy.name for deputy in learned.deputies] == [name]
+
+
 def waypoints(planner: LearnedPlanner, mapper: Mapper, environment: Environment) -> list[object]:
     planner.reset("exploration", None, 0)
     return [planner.plan(mapper, environment.pose).waypoint]
