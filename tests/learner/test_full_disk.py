@@ -49,7 +49,7 @@ def training(trainer):
         assert not loop.is_alive()
 
 
-def until(condition, seconds=20.0):
+def until(condition, seconds=60.0):
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline

@@ -114,14 +114,14 @@ def test_a_frozen_learner_gets_messages_again_and_counts_them_once(tmp_path):
         learner = begin(learners)
         with ExperienceSender(client, "run", "desk-0", ack_timeout=0.4) as sender:
             sender.send(samples.report())
-            assert sender.flush(10)
+            assert sender.flush(30)
             os.kill(learner, signal.SIGSTOP)
             for _ in range(50):
                 sender.send(samples.report())
             assert eventually(lambda: not sender.learner_present)
             assert sender.pending == 50
             os.kill(learner, signal.SIGCONT)
-            assert sender.flush(10)
+            assert sender.flush(30)
         lines = stored(path)
         assert len(lines) == len(set(lines)) == 51
 
@@ -178,7 +178,7 @@ def test_an_actor_notices_a_restarted_learner(tmp_path, caplog):
         for _ in range(2):
             learner = begin(learners)
             sender.send(samples.report())
-            assert sender.flush(10)
+            assert sender.flush(30)
             incarnations.append(sender.learner)
             os.kill(learner, signal.SIGKILL)
         assert incarnations[0] != incarnations[1]
