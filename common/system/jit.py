@@ -3,8 +3,8 @@
 numba looks for a new version of a cached kernel only in the kernel's own file, so an edited kernel that others call
 would live on inside them, and a software update could run old machine code. Here the cache's folder is named after
 the contents of all modules whose kernels a kernel can call, those of its own package and of `common`: any change of
-them begins a new folder. It also works where the software's own folder cannot be written to. A user's own
-NUMBA_CACHE_DIR wins.
+them begins a new folder. It also works where the software's own folder cannot be written to, and where this one cannot
+(`common.system.kernel_cache`). A user's own NUMBA_CACHE_DIR wins.
 
 Processes that start together need the same kernels: each is compiled by one of them, while the others wait for it and
 load it. A process that compiles says so in its log, and every few seconds how many kernels it has compiled. SIGINT and
@@ -35,6 +35,8 @@ from typing import Any
 import numba
 from numba.core.compiler_lock import global_compiler_lock
 
+from common.system.kernel_cache import KernelCache
+
 log = logging.getLogger(__name__)
 
 _SOURCES = Path(__file__).parents[2]
@@ -52,9 +54,10 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
             # Read when the function is decorated, so it can differ from function to function.
             numba.config.CACHE_DIR = str(cache_folder(function.__module__.split(".")[0]))  # type: ignore[attr-defined]
         # Nobody calls a kernel from C; leaving that entry out saves a tenth of what compiling takes.
-        lean: dict[str, Any] = {"no_cfunc_wrapper": True, **options}
+        lean: dict[str, Any] = {"no_cfunc_wrapper": True, **options, "cache": False}
         kernel = numba.njit(**lean)(function)
         if options.get("cache"):
+            kernel._cache = KernelCache(function)  # type: ignore[no-untyped-call]
             _compile_in_one_process(kernel, Path(numba.config.CACHE_DIR))  # type: ignore[attr-defined]
         return kernel
 
@@ -82,12 +85,14 @@ def kernels_are_compiled(package: str) -> bool:
 def forget_old_caches() -> None:
     """Delete caches that nobody has used for a week; call it where kernels are warmed up."""
     current = {cache_folder(package) for package in ("common", "actors", "learner", "deploy")}
-    for folder in current:
-        folder.mkdir(parents=True, exist_ok=True)
-        os.utime(folder)
-    for folder in _caches().iterdir():
-        if folder not in current and time.time() - folder.stat().st_mtime > _FORGET_SECONDS:
-            shutil.rmtree(folder, ignore_errors=True)
+    # A folder that cannot be written to keeps what it has, and another process may be forgetting at the same time.
+    with contextlib.suppress(OSError):
+        for folder in current:
+            folder.mkdir(parents=True, exist_ok=True)
+            os.utime(folder)
+        for folder in _caches().iterdir():
+            if folder not in current and time.time() - folder.stat().st_mtime > _FORGET_SECONDS:
+                shutil.rmtree(folder, ignore_errors=True)
 
 
 class _Progress:
@@ -246,4 +251,8 @@ def _claims(folder: Path) -> int:
 
 def _caches() -> Path:
     base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "hdplanner" / "kernels"
+    try:
+        return (Path(base) if base else Path.home() / ".cache") / "hdplanner" / "kernels"
+    except RuntimeError:
+        # A user whom the system does not know, as in many containers, has no home unless the environment names one.
+        return Path("/.cache/hdplanner/kernels")

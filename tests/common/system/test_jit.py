@@ -36,7 +36,7 @@ def told(process) -> str:
 def test_processes_share_what_one_compiles_and_a_change_of_a_called_kernel_reaches_its_callers(tmp_path):
     package = tmp_path / "common"
     (package / "system").mkdir(parents=True)
-    for name in ("__init__.py", "system/__init__.py", "system/jit.py"):
+    for name in ("__init__.py", "system/__init__.py", "system/jit.py", "system/kernel_cache.py"):
         shutil.copy(ROOT / "common" / name, package / name)
     (package / "outer.py").write_text(OUTER)
     (package / "inner.py").write_text(INNER.format(1))
@@ -128,3 +128,63 @@ def test_linear_algebra_is_imported_for_a_kernel_that_needs_it_alone(tmp_path):
     command = [sys.executable, "program.py"]
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.stdout == "False\n1.0\n", done.stderr
+
+
+KEPT = """
+import builtins, errno, logging, os, sys
+from pathlib import Path
+logging.basicConfig(format="%(message)s", stream=sys.stdout)
+from common.system import kernel_cache
+from common.system.jit import forget_old_caches, njit
+
+def twice(x):
+    return 2 * x
+
+def call():
+    kernel_cache._said.clear()
+    forget_old_caches()
+    kernel = njit(cache=True)(twice)
+    print(kernel(1), sum(kernel.stats.cache_hits.values()), flush=True)
+
+def refusing(function, writes):
+    def checked(path, *arguments, **named):
+        if "/cache/" in f"{path}/" and writes(*arguments):
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
+        return function(path, *arguments, **named)
+    return checked
+
+call()
+for ending in ("nbi", "nbc"):
+    for content in (b"", bytes(3000)):
+        [path] = Path(os.environ["XDG_CACHE_HOME"]).rglob(f"*.{ending}")
+        path.write_bytes(content)
+        call()
+# As on a read-only file system, to root too.
+builtins.open = refusing(builtins.open, lambda mode="r", *_: not set(mode).isdisjoint("wax+"))
+os.open = refusing(os.open, lambda flags, *_: flags & (os.O_WRONLY | os.O_RDWR))
+os.utime = refusing(os.utime, lambda *_: True)
+call()
+# Below a file no folder can be made.
+os.environ["XDG_CACHE_HOME"] = "file"
+from common.system import jit
+jit.cache_folder.cache_clear()
+call()
+"""
+
+
+def test_a_cache_that_is_damaged_or_cannot_be_written_to_ends_nothing(tmp_path):
+    (tmp_path / "program.py").write_text(KEPT)
+    (tmp_path / "file").touch()
+    environment = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "program.py"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    fresh, *damaged, read_only, lost, without = done.stdout.splitlines()
+    assert fresh == without == "2 0"
+    assert read_only == "2 1", "what it holds is read"
+    assert damaged[1::2] == ["2 0"] * 4
+    assert all(line.startswith(f"damaged kernels in {tmp_path / 'cache'}") for line in damaged[::2])
+    assert lost.startswith("compiled kernels cannot be kept in file/")
+    assert "Not a directory" in lost
+    # Beside the sources a kernel would not follow those that it calls.
+    assert not (tmp_path / "__pycache__").exists()
