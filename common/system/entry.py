@@ -14,10 +14,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from common.system.hangup import hangup_signals, leave_terminal
+
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
     """End with one line and status 130 or 143 on SIGINT or SIGTERM, unless what runs within the `with` takes them.
+
+    A terminal that is closed (SIGHUP) ends what runs in it like SIGTERM, with status 129.
 
     Matrix products of numpy take one thread in a command, and in what it starts, unless its user says otherwise.
 
@@ -28,7 +32,8 @@ def ended_by_signals() -> Iterator[None]:
 
             app()
     """
-    signal.signal(signal.SIGTERM, _terminate)
+    for number in (signal.SIGTERM, *hangup_signals()):
+        signal.signal(number, _terminate)
     # Read when numpy is loaded. Products here are small (`common.system.blas`); the learner's are torch's.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
@@ -39,9 +44,11 @@ def ended_by_signals() -> Iterator[None]:
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
-    """Unwind, so that child processes and files are cleared away; a second SIGTERM ends the process at once."""
+    """Unwind, so that child processes and files are cleared away; a second signal ends the process at once."""
     del frame
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.signal(number, signal.SIG_DFL)
+    if number != signal.SIGTERM:
+        leave_terminal()
     # Not through sys.stderr, which the signal may have found in the midst of a line.
     os.write(2, b"terminated\n")
     raise SystemExit(128 + number)

@@ -7,8 +7,8 @@ them begins a new folder. It also works where the software's own folder cannot b
 (`common.system.kernel_cache`). A user's own NUMBA_CACHE_DIR wins.
 
 Processes that start together need the same kernels: each is compiled by one of them, while the others wait for it and
-load it. A process that compiles says so in its log, and every few seconds how many kernels it has compiled. SIGINT and
-SIGTERM are heard between two kernels.
+load it. A process that compiles says so in its log, and every few seconds how many kernels it has compiled. SIGINT,
+SIGTERM and SIGHUP are heard between two kernels.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _SOURCES = Path(__file__).parents[2]
 _MARK = b"import njit"
 _FORGET_SECONDS = 7 * 86400.0
 _SAY_SECONDS = 10.0
-_ENDING = (signal.SIGINT, signal.SIGTERM)
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -125,7 +125,7 @@ _progress = _Progress()
 
 
 class _HeldSignals:
-    """Holds back SIGINT and SIGTERM while a kernel is compiled, and lets them be handled when it is.
+    """Holds back SIGINT, SIGTERM and SIGHUP while a kernel is compiled, and lets them be handled when it is.
 
     Their handlers raise exceptions while a process prepares itself. One that is raised where LLVM calls back is lost:
     the process would not end, or with an error of the compiler. Compiling a kernel compiles those that it calls, so

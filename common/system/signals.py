@@ -10,12 +10,16 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Final
 
+from common.system.hangup import hangup_signals, leave_terminal
+
 _PR_SET_PDEATHSIG: Final = 1
 
 
 @contextmanager
 def on_signals(handle: Callable[[signal.Signals], None], *numbers: signal.Signals) -> Iterator[None]:
     """Call `handle` with each of these signals within the `with`; for the main thread alone.
+
+    SIGTERM stands for SIGHUP too: what runs in a terminal that is closed ends in order, and its output goes nowhere.
 
     Args:
         handle: may raise, as KeyboardInterrupt does, out of whatever the main thread is at.
@@ -24,9 +28,12 @@ def on_signals(handle: Callable[[signal.Signals], None], *numbers: signal.Signal
 
     def handler(number: int, frame: FrameType | None) -> None:
         del frame
+        if number in hangups:
+            leave_terminal()
         handle(signal.Signals(number))
 
-    before = {number: signal.signal(number, handler) for number in numbers}
+    hangups = hangup_signals() if signal.SIGTERM in numbers else ()
+    before = {number: signal.signal(number, handler) for number in (*numbers, *hangups)}
     try:
         yield
     finally:
@@ -36,7 +43,7 @@ def on_signals(handle: Callable[[signal.Signals], None], *numbers: signal.Signal
 
 @contextmanager
 def stopping_signals(stop: Callable[[], object], stopping: Callable[[], bool]) -> Iterator[None]:
-    """Stop in order on SIGINT and SIGTERM within the `with`; SIGINT while stopping is a KeyboardInterrupt.
+    """Stop in order on SIGINT, SIGTERM and SIGHUP within the `with`; SIGINT while stopping is a KeyboardInterrupt.
 
     Usage::
 

@@ -61,3 +61,52 @@ def test_a_process_is_terminated_with_its_parent():
         assert select.select([descriptor], [], [], 10.0)[0], "the child outlived its parent"
     finally:
         os.close(descriptor)
+
+
+HUNG_UP = """
+import fcntl, sys, termios, threading
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+from common.system.entry import ended_by_signals
+with ended_by_signals():
+    from common.system.signals import stopping_signals
+    if sys.argv[1] == "in order":
+        stop = threading.Event()
+        with stopping_signals(stop.set, stop.is_set):
+            print("runs", flush=True)
+            stop.wait(60.0)
+        print("ends", flush=True)
+    else:
+        print("runs", flush=True)
+        try:
+            threading.Event().wait(60.0)
+        finally:
+            print("clears away", flush=True)
+"""
+
+
+@pytest.mark.parametrize(("how", "status"), [("in order", 0), ("at once", 129)])
+def test_a_terminal_that_is_closed_ends_what_runs_in_it_as_a_termination_does(how, status):
+    master, slave = os.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-c", HUNG_UP, how],
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        start_new_session=True,
+    )
+    with process:
+        os.close(slave)
+        assert b"runs" in os.read(master, 100)
+        os.close(master)
+        assert process.wait(30.0) == status
+
+
+def test_what_runs_under_nohup_stays():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        stop = threading.Event()
+        with stopping_signals(stop.set, stop.is_set):
+            signal.raise_signal(signal.SIGHUP)
+        assert not stop.is_set()
+    finally:
+        signal.signal(signal.SIGHUP, before)
