@@ -18,6 +18,7 @@ from common.ids import ID_PATTERN
 from common.messages.places import centimetres
 from common.page.hub import Hub
 from common.system.documents import DocumentError, parse_json
+from common.system.steady_time import steady_time
 from deploy.config import DeployConfig
 from deploy.mapping.transforms import Transform
 from deploy.ros2 import LATCHED, RELIABLE, SENSOR, QoS, RosError
@@ -71,16 +72,18 @@ class RobotFeed:
         name: of the robot, as its status tells; empty before the first.
     """
 
-    def __init__(self, config: DeployConfig, clock: Callable[[], float] = time.time) -> None:
+    def __init__(self, config: DeployConfig, clock: Callable[[], float] | None = None) -> None:
         """Read the topics of a robot with this configuration.
 
         Args:
             config: of the robot: where its scans come from and where its lidar is.
-            clock: seconds since 1970, of the moment that is shown.
+            clock: seconds since 1970, of the moment that is shown; this one when not given.
         """
         self.name = ""
         self._config = config
-        self._clock = clock
+        # Ages and curves must not jump when this machine's clock is set; events have the time of day.
+        self._clock = clock or steady_time
+        self._time_of_day = clock or time.time
         self._lock = threading.Lock()
         self._newest: dict[str, bytes] = {}
         self._decisions: list[tuple[float, bytes]] = []
@@ -172,7 +175,7 @@ class RobotFeed:
         event = tuple(status.get(name) for name in ("state", "reason", "planner", "guard", "relieved"))
         if event != self._last_event:
             self._last_event = event
-            hub.append(self._channel("events"), [round(self._clock(), 2), *event])
+            hub.append(self._channel("events"), [round(self._time_of_day(), 2), *event])
 
     def _put_watchdog(self, hub: Hub, message: Message) -> None:
         hub.put(self._channel("watchdog"), _object(message.data))

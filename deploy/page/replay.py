@@ -18,6 +18,7 @@ from deploy.config import DeployConfig
 from deploy.page.feed import RobotFeed, roles_of
 from deploy.recording.errors import RecordingError
 from deploy.recording.reader import read_bag
+from deploy.recording.steady import without_clock_steps
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +61,7 @@ class Replay(Source):
         self._path = path
         self._roles = {topic: role for role, (topic, _, _) in roles_of(config).items()}
         times, found = [], set()
-        for recorded in read_bag(path):
+        for recorded in without_clock_steps(read_bag(path)):
             if recorded.topic in self._roles:
                 times.append(recorded.time)
                 found.add(self._roles[recorded.topic])
@@ -134,7 +135,8 @@ class Replay(Source):
 
     def _play_from_begin(self, jump: int) -> None:
         before = time.monotonic()
-        messages = (each for each in read_bag(self._path) if each.topic in self._roles)
+        steady = without_clock_steps(read_bag(self._path), say=False)
+        messages = (each for each in steady if each.topic in self._roles)
         for recorded in chain(messages, [None]):
             at = self._length if recorded is None else (recorded.time - self._begin) * 1e-9
             while not self._closed.is_set():

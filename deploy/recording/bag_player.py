@@ -21,6 +21,7 @@ from deploy.mapping.robot_map import RobotMap
 from deploy.network_config import TopicsConfig
 from deploy.recording.comparison import Decision
 from deploy.recording.reader import Recorded
+from deploy.recording.steady import without_clock_steps
 from deploy.ros2 import Message, Received, RosError
 from deploy.ros2.conversions import pose_from_stamped, position_from
 from deploy.ros2.messages import deserialize
@@ -126,7 +127,7 @@ class BagPlayer:
         """Replay to the end and return what was decided."""
         result = self._result
         due = 0.0
-        for recorded in messages:
+        for recorded in without_clock_steps(messages):
             arrival = recorded.time * 1e-9
             if self._now == 0.0:
                 result.begin = self._now = arrival

@@ -14,6 +14,7 @@ from common.config import BusConfig
 from common.errors import BusError, MessageError
 from common.page.hub import Hub
 from common.page.source import Command, Source
+from common.system.steady_time import steady_time
 from common.system.threads import Ticker
 from learner.page.curves import CurveChannels, Point
 from learner.page.episodes import Evaluations, LiveViews
@@ -171,4 +172,4 @@ class Training(Source):
         if status.evaluated != self._evaluated:
             self._evaluated = status.evaluated
             values |= {f"evaluation/{name}": value for name, value in status.evaluated_figures.items()}
-        return Point(time.time(), status.updates, values)
+        return Point(steady_time(), status.updates, values)

@@ -26,7 +26,8 @@ from learner.watch.crc32c import masked_crc32c
 
 logger = logging.getLogger(__name__)
 
-PATTERN = "events.out.tfevents.*"
+_PREFIX = "events.out.tfevents."
+PATTERN = f"{_PREFIX}*"
 MAX_WAITING = 1 << 20
 """Bytes of events that wait in memory while the disk is full; the oldest go beyond that."""
 
@@ -51,7 +52,7 @@ class EventFile(Closing):
     """
 
     def __init__(self, folder: Path, disk: DiskWatch) -> None:
-        name = f"events.out.tfevents.{time.time():010.0f}.{platform.node()}.{os.getpid()}.{next(_numbers):04d}"
+        name = f"{_PREFIX}{_begin(folder):010d}.{platform.node()}.{os.getpid()}.{next(_numbers):04d}"
         self._path = folder / name
         self._disk = disk
         self._waiting: list[bytes] = []
@@ -99,6 +100,15 @@ class EventFile(Closing):
             self.flush()
             os.close(self._descriptor)
             self._descriptor = -1
+
+
+def _begin(folder: Path) -> int:
+    """Return the second in a new file's name: files are read in the order of their names.
+
+    After a clock was set back a file that is named by it would be read before those that it continues.
+    """
+    seconds = (path.name.removeprefix(_PREFIX).partition(".")[0] for path in folder.glob(PATTERN))
+    return max([round(time.time()), *(int(digits) + 1 for digits in seconds if digits.isdecimal())])
 
 
 def encode_event(event: bytes) -> bytes:

@@ -1,4 +1,5 @@
 import json
+import time
 
 import numpy as np
 import pytest
@@ -84,6 +85,18 @@ def test_a_cloud_is_placed_by_pose_and_lidar_unless_it_is_in_the_robots_frame():
         feed.take("points", serialize(cloud, "sensor_msgs/msg/PointCloud2", "jazzy"))
         feed.refresh(hub)
         assert values(hub, view)["robot/r/scan"] == place
+
+
+@pytest.mark.parametrize("step", [-3600.0, 3600.0])
+def test_a_robot_falls_silent_whatever_this_machines_clock_does(monkeypatch, step):
+    feed = RobotFeed(config())
+    feed.take("status", text({"name": "r"}))
+    now = time.time()
+    monkeypatch.setattr(time, "time", lambda: now + step)
+    assert 0.0 <= feed.age < 60.0
+    later = time.monotonic_ns() + 10**11
+    monkeypatch.setattr(time, "monotonic_ns", lambda: later)
+    assert 100.0 <= feed.age < 160.0
 
 
 @pytest.mark.parametrize(

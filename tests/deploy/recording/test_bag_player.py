@@ -1,5 +1,6 @@
 import json
 import sys
+from dataclasses import replace
 
 import pytest
 from typer.testing import CliRunner
@@ -38,6 +39,18 @@ def test_the_same_planner_decides_the_same(settings, bag):
     assert len(comparison.differences) >= 8
     assert comparison.agreement >= 0.9, comparison.first
     assert result.map_statistics.integrated > 150
+    assert len(result.seconds) >= 8
+
+
+@pytest.mark.parametrize("step", [-3600.0, 1.7e9], ids=["an hour back", "from 1970"])
+def test_a_clock_that_is_set_while_it_is_recorded_changes_nothing(settings, messages, step, caplog):
+    begin = messages[0].time
+    late = begin + 10_000_000_000
+    stepped = [replace(one, time=one.time + round(step * 1e9)) if one.time > late else one for one in messages]
+    result, comparison = replay(settings, stepped)
+    assert "the clock of the recording steps by" in caplog.text
+    assert comparison.agreement >= 0.8, comparison.first
+    assert max(one.time for one in result.decided) - result.begin < 1000.0
     assert len(result.seconds) >= 8
 
 

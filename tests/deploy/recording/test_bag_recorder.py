@@ -58,6 +58,25 @@ class Running:
         return {topic.name: topic.count for topic in self.bag.topics.values()}
 
 
+def test_a_clock_that_is_set_meanwhile_does_not_tear_the_recording_apart(endpoint, tmp_path, monkeypatch):
+    config = DeployConfig(ros=ros(endpoint))
+    with Node(config.ros, "robot") as robot, Running(tmp_path / "lab", config) as running:
+        words = robot.publisher("/words", STRING)
+
+        def recorded(count):
+            words.publish(text("hello"))
+            return running.counts().get("/words", 0) >= count
+
+        assert eventually(lambda: recorded(3))
+        clock = time.time_ns
+        monkeypatch.setattr(time, "time_ns", lambda: clock() - 3600 * 10**9)
+        before = running.counts()["/words"]
+        assert eventually(lambda: recorded(before + 3))
+    times = [one.time for one in read_bag(tmp_path / "lab")]
+    assert times == sorted(times)
+    assert times[-1] - times[0] < 300e9
+
+
 @LAYOUTS
 def test_everything_is_recorded_also_what_comes_later(endpoint, layout, tmp_path):
     config = DeployConfig(ros=ros(endpoint, layout=layout))

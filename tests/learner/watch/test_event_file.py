@@ -1,4 +1,5 @@
 import os
+import time
 
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
@@ -99,3 +100,16 @@ def points(folder):
     read = EventAccumulator(str(folder))
     read.Reload()
     return read.Scalars("collect/steps")
+
+
+def test_a_run_goes_on_behind_its_curves_after_the_clock_was_set_back(tmp_path, monkeypatch):
+    with Curves(tmp_path) as written:
+        written.write(1, {"loss": 1.0})
+        written.write(2, {"loss": 2.0})
+    earlier = time.time() - 3600.0
+    monkeypatch.setattr(event_file.time, "time", lambda: earlier)
+    with Curves(tmp_path, update=1) as written:
+        written.write(2, {"loss": 20.0})
+    read = EventAccumulator(str(tmp_path))
+    read.Reload()
+    assert [(event.step, event.value) for event in read.Scalars("loss")] == [(1, 1.0), (2, 20.0)]
