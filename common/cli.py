@@ -38,6 +38,17 @@ _LISTED: Final = re.compile(r"^(?:- |  )", re.MULTILINE)
 _PIPE_COLUMNS: Final = 400
 # What the system says of a full disk, and of a full quota.
 _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT)
+# What it says of a place that a user named, and that cannot be written to, or is something else.
+_REFUSED: Final = (
+    errno.EACCES,
+    errno.EEXIST,
+    errno.EISDIR,
+    errno.ELOOP,
+    errno.ENAMETOOLONG,
+    errno.ENOTDIR,
+    errno.EPERM,
+    errno.EROFS,
+)
 # Which extra the commands of a folder ask for when several bring the package.
 _FIRST_EXTRA: Final = {"actors": "actor", "learner": "learner", "deploy": "robot"}
 
@@ -128,6 +139,12 @@ def command_errors(function: Callable[P, R]) -> Callable[P, R]:
                 raise
             raise _ended_by(MissingPackageError("this command", package, extras[:1])) from None
         except OSError as error:
+            if error.errno in _REFUSED and error.filename:
+                raise _ended_by(
+                    StorageError(
+                        f"cannot use {error.filename} ({error.strerror}): check its permissions, or name another place"
+                    )
+                ) from None
             if error.errno not in _NO_ROOM:
                 raise
             where = f" in writing {error.filename}" if error.filename else ""

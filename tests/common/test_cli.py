@@ -26,6 +26,11 @@ from common.errors import ConfigError
             1,
             "runs/demo/verdict.json: make room",
         ),
+        (
+            OSError(errno.EROFS, "Read-only file system", "pki"),
+            1,
+            "error: cannot use pki (Read-only file system): check its permissions",
+        ),
     ],
 )
 def test_errors_are_one_line_and_a_non_zero_exit(error, code, words):
