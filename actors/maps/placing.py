@@ -17,6 +17,8 @@ Position = tuple[float, float]
 
 SMALLEST_ROOM: Final = 0.25
 """Square metres: who can reach no more than this from the start stands in a speck of the image and in no room."""
+MAX_COORDINATE: Final = 1e8
+"""Metres from the origin of a map's frame, beyond which no place of a map lies: UTM coordinates are less."""
 
 
 def place(

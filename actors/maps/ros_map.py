@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
 from actors.maps.images import SAVED_UNKNOWN, Pixels, read_pixels
-from actors.maps.placing import Position, place
+from actors.maps.placing import MAX_COORDINATE, Position, place
 from actors.maps.turning import turn, turned_resolution
 from common.errors import MapError
 from common.system.extras import optional
@@ -103,6 +103,8 @@ def read_map_server_file(path: Path) -> MapServerFile:
             f"{path}: expected origin to be [x, y, yaw] in metres and radians, got {_shown(origin)}: correct it"
         )
     x, y, yaw = (_number(path, "origin", value) for value in origin)
+    if max(abs(x), abs(y)) > MAX_COORDINATE:
+        raise MapError(f"{path}: expected origin in metres of at most {MAX_COORDINATE:g}, got {origin}: correct it")
     if abs(yaw) > 4.0 * math.pi:
         raise MapError(f"{path}: expected the yaw of origin in radians, got {yaw:g}: is it in degrees? correct it")
     resolution = _number(path, "resolution", values["resolution"])

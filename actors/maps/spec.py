@@ -10,11 +10,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from actors.maps.placing import Position
+from actors.maps.placing import MAX_COORDINATE, Position
 from actors.maps.recommended import preset_names
 from common.errors import MapError
 from common.extensions import GENERATOR_PREFIX
@@ -155,7 +154,8 @@ def _numbers(spec: str, values: dict[str, str], key: str, count: int) -> list[fl
         numbers = [float(part) for part in values[key].split(",")]
     except ValueError:
         numbers = []
-    if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
+    # Written so that NaN is not within.
+    if len(numbers) != count or not all(abs(number) <= MAX_COORDINATE for number in numbers):
         wanted = "X,Y in metres" if count == 2 else "a number"
         raise MapError(f"{spec}: expected {key}={wanted}, got '{values[key]}': correct it")
     return numbers

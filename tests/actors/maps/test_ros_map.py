@@ -181,6 +181,7 @@ def test_numbers_in_every_notation_and_images_anywhere(tmp_path: Path) -> None:
         ({"resolution": ".nan"}, "expected resolution to be a number, got nan"),
         ({"origin": [0.0, 0.0]}, r"expected origin to be \[x, y, yaw\] in metres and radians, got \[0\.0, 0\.0\]"),
         ({"origin": "here"}, "expected origin to be"),
+        ({"origin": [1e308, 0.0, 0.0]}, "expected origin in metres of at most"),
         ({"free_thresh": 0.7}, "expected 0 <= free_thresh <= occupied_thresh <= 1, got 0.7 and 0.65"),
         ({"occupied_thresh": 65}, "free_thresh <= occupied_thresh <= 1, got 0.196 and 65"),
         ({"negate": 2}, "expected negate to be 0 or 1, got 2"),

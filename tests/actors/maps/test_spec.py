@@ -44,6 +44,7 @@ def test_a_path_that_exists_is_that_path(folder: Path) -> None:
         ("plan.yaml?start=1,2,3", "expected start=X,Y in metres"),
         ("plan.yaml?target=a,b", "expected target=X,Y in metres, got 'a,b'"),
         ("plan.yaml?start=nan,1", "expected start=X,Y"),
+        ("plan.yaml?start=1e308,1", "expected start=X,Y"),
         ("plan.yaml?start=1,2&start=2,1", "parameter 'start' is given twice"),
         ("plan.yaml?start", "expected key=value"),
         ("plan.png?metres_per_pixel=0", "expected metres_per_pixel above 0, got 0"),
