@@ -168,6 +168,7 @@ class Intake:
                 if self._ordered(f"transform of {child}", moment) is Order.SET_BACK:
                     self._tree.add(moment, parent, child, translation, rotation)
                 self._tick(moment)
+        self.note(self._tree.contested)
         if self._by_tf and not self._connected:
             self._connected = self._placing.newest_pose is not None
             if np.isfinite(self._clock):
@@ -261,6 +262,8 @@ class Intake:
         names = self._names
         if not self._by_tf or self._placing.newest_pose is not None:
             return "check that poses arrive"
+        if self._tree.contested:
+            return self._tree.contested
         return (
             f"{self._tree.gap(names.map, names.base)}: start the localisation or SLAM that publishes it, or set "
             "frames.map and frames.base to frames of TF"

@@ -26,6 +26,8 @@ MAX_TRANSLATION: Final = 1e8
 LENGTH_TOLERANCE: Final = 0.1
 # Frames that a message names at most.
 _SHOWN: Final = 12
+# A frame that comes back so soon to the parent that it had, seconds, has two publishers.
+_BY_TURNS: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,6 +183,8 @@ class TransformTree:
         self._seconds = seconds
         self.hold: Final = hold
         self._links: dict[str, _Link] = {}
+        self._left: dict[str, tuple[str, float]] = {}
+        self._contested: tuple[str, float, str] | None = None
 
     def add(
         self, time: float, parent: str, child: str, translation: Vector, rotation: Quaternion, *, static: bool = False
@@ -210,8 +214,32 @@ class TransformTree:
             above = None if link is None else link.parent
         link = self._links.get(child)
         if link is None or link.parent != parent or link.static != static:
+            if link is not None:
+                self._look_for_turns(child, parent, link.parent, time)
             link = self._links[child] = _Link(parent, static)
         link.add(time, transform, self._seconds)
+
+    def _look_for_turns(self, child: str, parent: str, before: str, time: float) -> None:
+        left, when = self._left.get(child, ("", 0.0))
+        if left == parent and abs(time - when) <= _BY_TURNS:
+            both = " and ".join(map(repr, sorted({before, parent})))
+            where = both if before != parent else f"{both} on both /tf and /tf_static"
+            self._contested = (
+                child,
+                time,
+                f"frame {child!r} hangs by turns on {where}: two publishers disagree about the tree, and neither's "
+                "transforms can be relied on; stop one of them",
+            )
+        self._left[child] = before, time
+
+    @property
+    def contested(self) -> str:
+        """Which frame has had two parents by turns of late, in words with a remedy; empty when none has."""
+        if self._contested is None:
+            return ""
+        child, when, words = self._contested
+        link = self._links.get(child)
+        return words if link is not None and abs(link.times[-1] - when) <= self._seconds else ""
 
     def forget_moving(self) -> None:
         """Forget all transforms of /tf; those of /tf_static stay."""

@@ -239,3 +239,31 @@ def test_what_lacks_in_tf_is_named(parents, words):
             robot.tf(parent, child, base(step), static=False)
     assert words in robot.map.statistics.problem
     robot.tf("map", "odom", Pose(0.0, 0.0), static=False)
+
+
+@pytest.mark.parametrize(
+    ("parent", "static", "words"),
+    [
+        ("base_footprint", False, "'base_footprint' and 'odom'"),
+        ("base_footprint", True, "'base_footprint' and 'odom'"),
+        ("odom", True, "'odom' on both /tf and /tf_static"),
+    ],
+)
+def test_a_frame_with_two_publishers_is_named(parent, static, words, caplog):
+    robot = Robot("sensing.pose=tf")
+    robot.tf("map", "odom", Pose(0.0, 0.0), static=False)
+    for step in range(12):
+        robot.time = 1.0 + 0.1 * step
+        robot.tf("odom", "base_link", base(step), static=False)
+        if not static or step % 5 == 0:
+            robot.tf(parent, "base_link", Pose(0.0, 0.0), static=static)
+    assert f"frame 'base_link' hangs by turns on {words}" in robot.map.statistics.problem
+    assert sum("two publishers" in told for told in caplog.messages) == 1
+
+
+def test_a_frame_that_moves_to_another_parent_for_good_is_none_with_two_publishers():
+    robot = Robot("sensing.pose=tf")
+    for step in range(60):
+        robot.time = 1.0 + 0.1 * step
+        robot.tf("odom" if step < 30 else "slam", "base_link", base(step), static=False)
+    assert not any("two publishers" in told for told in robot.told)
