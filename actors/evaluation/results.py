@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gzip
 import os
 import zlib
@@ -148,6 +149,8 @@ def write_record(path: Path, results: BaseModel, episodes: Sequence[BaseModel]) 
         temporary.write_text(f'{head[:-1]},"episodes":[\n{lines}\n]}}\n', "utf-8")
         temporary.replace(path)
     except OSError as error:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
         raise ResultsError(f"cannot write {path} ({error.strerror}): check the folder and the space left") from error
 
 

@@ -5,6 +5,7 @@ Weights lie in `<name>.safetensors` beside `<name>.json`, or card and network to
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
@@ -219,10 +220,12 @@ def _card_text(card: PolicyCard, data: bytes) -> bytes:
 
 def _write(target: Path, content: bytes) -> None:
     """Write a file that readers see whole or not at all."""
+    temporary = target.with_name(f".{target.name}.tmp")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        temporary = target.with_name(f".{target.name}.tmp")
         temporary.write_bytes(content)
         temporary.replace(target)
     except OSError as error:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
         raise CheckpointError(f"cannot write the policy {target}: {error}") from error

@@ -46,6 +46,13 @@ def test_what_breaks_the_format_is_named(tmp_path, change, word):
         read_results(path)
 
 
+def test_what_cannot_be_written_leaves_nothing_behind(tmp_path):
+    (tmp_path / "nearest.json").mkdir()
+    with pytest.raises(ResultsError, match="cannot write"):
+        write_results(tmp_path / "nearest.json", results())
+    assert [path.name for path in tmp_path.iterdir()] == ["nearest.json"]
+
+
 def test_a_map_that_stands_twice_is_refused(tmp_path):
     path = tmp_path / "twice.json"
     data = json.loads(results().model_dump_json())

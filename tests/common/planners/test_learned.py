@@ -26,6 +26,14 @@ def policy(tmp_path_factory):
     return path
 
 
+def test_a_policy_that_cannot_be_written_leaves_nothing_behind(tmp_path):
+    (tmp_path / "policy.safetensors").mkdir()
+    card = PolicyCard("test", "exploration", NETWORK, CONFIG, 1, 0, 0, False, "abc", "now")
+    with pytest.raises(CheckpointError, match="cannot write the policy"):
+        write_policy(tmp_path / "policy.safetensors", initial_parameters(NETWORK, 0), card)
+    assert [path.name for path in tmp_path.iterdir()] == ["policy.safetensors"]
+
+
 def test_a_policy_explores_under_the_rules_of_the_protocol(policy):
     planner = make_planner("hdplanner", CONFIG, policy=policy)
     # `explore` checks every waypoint: known free, in sight, one edge long.
