@@ -36,6 +36,7 @@ class CheckpointSchedule:
         self._wanted = threading.Event()
         self._done = threading.Condition()
         self._made = 0
+        self._ended: bool | None = None
 
     def restart(self) -> None:
         """Count the seconds to the next checkpoint from now on."""
@@ -56,16 +57,30 @@ class CheckpointSchedule:
             self._made += 1
             self._done.notify_all()
 
+    def end(self, covered: bool) -> None:
+        """Release everybody who waits, now and later: the loop makes no more checkpoints.
+
+        Args:
+            covered: whether the last one holds all that there is.
+        """
+        with self._done:
+            self._ended = covered
+            self._done.notify_all()
+
     def request(self) -> None:
         """Make a checkpoint due at once."""
         self._wanted.set()
 
     def request_and_wait(self, timeout: float) -> bool:
-        """Make a checkpoint due at once, and wait for it; return whether it was made within so many seconds."""
+        """Make a checkpoint due at once, and wait for it; return whether it was made within so many seconds.
+
+        At the end of a run nobody waits: its last checkpoint holds everything, or the disk refused it.
+        """
         with self._done:
             before = self._made
             self.request()
-            return self._done.wait_for(lambda: self._made > before, timeout)
+            told = self._done.wait_for(lambda: self._made > before or self._ended is not None, timeout)
+            return told and (self._made > before or self._ended is True)
 
     @property
     def seconds_left(self) -> float:

@@ -51,4 +51,7 @@ class Control:
 
     def _checkpoint(self) -> None:
         if not self._trainer.request_checkpoint(CHECKPOINT_SECONDS):
-            raise HDError(f"the checkpoint was not written within {CHECKPOINT_SECONDS:.0f} s: see the learner's log")
+            raise HDError(
+                f"the checkpoint was not written within {CHECKPOINT_SECONDS:.0f} s, or the disk refused the run's last "
+                "one: see the learner's log"
+            )

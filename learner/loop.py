@@ -21,4 +21,4 @@ def train(trainer: Trainer) -> None:
         trainer.serve()
     while not trainer.evaluation_is_ready():
         trainer.serve()
-    trainer.checkpoint()
+    trainer.finish()

@@ -287,6 +287,19 @@ class Trainer:
         self.recorder.write_summary(summary.flat())
         return name
 
+    def finish(self) -> None:
+        """Leave the checkpoint of the end; whoever asks for one from now on has it.
+
+        Raises:
+            StorageError: as `checkpoint`.
+        """
+        covered = False
+        try:
+            self.checkpoint()
+            covered = True
+        finally:
+            self._checkpointer.schedule.end(covered)
+
     # --- commands from other threads ---------------------------------------------------------------------------
 
     def stop(self) -> None:

@@ -1,4 +1,7 @@
 import threading
+import time
+
+import pytest
 
 from learner.checkpointing import CheckpointSchedule
 
@@ -28,3 +31,13 @@ def test_who_asks_waits_until_it_is_done():
     assert not schedule.request_and_wait(timeout=0.01)
     threading.Timer(0.1, schedule.note_done).start()
     assert schedule.request_and_wait(timeout=20.0)
+
+
+@pytest.mark.parametrize("covered", [True, False])
+def test_nobody_waits_for_a_checkpoint_that_a_run_at_its_end_makes_no_more(covered):
+    schedule = CheckpointSchedule(every_seconds=3600.0)
+    threading.Timer(0.1, schedule.end, [covered]).start()
+    began = time.monotonic()
+    assert schedule.request_and_wait(timeout=60.0) is covered
+    assert schedule.request_and_wait(timeout=60.0) is covered
+    assert time.monotonic() - began < 30.0

@@ -115,6 +115,20 @@ def test_a_damaged_newest_checkpoint_costs_updates_but_no_data(tmp_path, caplog)
         assert (run.checkpoints / "damaged-000000012").is_dir()
 
 
+def test_who_asks_a_run_that_has_ended_for_a_checkpoint_is_answered_with_that_of_the_end(tmp_path):
+    with new_run(tmp_path) as run:
+        trainer, _ = make_trainer(run)
+        trainer.begin()
+        for delivery in episodes(2):
+            trainer.ingest.store(delivery)
+        trainer.stop()
+        train(trainer)
+        began = time.monotonic()
+        assert trainer.request_checkpoint(30.0)
+        assert time.monotonic() - began < 15.0
+        trainer.close()
+
+
 @pytest.mark.parametrize("again", ["start", "resume"])
 def test_a_run_without_a_checkpoint_begins_again_with_its_journal(tmp_path, again):
     with new_run(tmp_path) as run:
