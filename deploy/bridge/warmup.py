@@ -22,8 +22,13 @@ from deploy.mapping.robot_map import RobotMap
 
 log = logging.getLogger(__name__)
 
-_PLACES = ((4.0, 6.0), (6.0, 6.0), (8.0, 7.0))
-_BEAMS = 180
+# Metres per cell of the small world. Where little is known and much of its edge open, `tour` makes no tour.
+_CELL = 0.5
+# In cells.
+_PLACES = ((12, 30), (20, 30), (32, 32))
+_BEAMS = 720
+# So often each place is seen before anything is decided there: what was seen once may not be free yet.
+_SCANS = 3
 
 
 def warm_up(config: DeployConfig, planners: list[tuple[Planner, TaskName]]) -> None:
@@ -35,27 +40,37 @@ def warm_up(config: DeployConfig, planners: list[tuple[Planner, TaskName]]) -> N
     """
     began = time.perf_counter()
     warm_up_mapping()
-    target = (10.0, 10.0)
+    cell = _CELL
+    target = (50.0 * cell, 50.0 * cell)
     # Poses come from here, whatever the robot's own source of them is.
     sensing = config.sensing.model_copy(update={"pose": "odometry"})
     robot_map = RobotMap(config.model_copy(update={"sensing": sensing}), target)
     free = np.zeros((60, 60), dtype=np.bool_)
     free[2:58, 2:58] = True
-    free[20:40, 34] = False
+    for wall in (24, 42):
+        free[:, wall] = False
+        free[26:34, wall] = True
+    free[42, 2:40] = False
+    free[42, 10:16] = True
+    reach = min(10.0, config.mapping.sensor_range)
     angles = ray_angles(0.0, 0.0, 2.0 * np.pi / _BEAMS, _BEAMS)
     for planner, task in planners:
         planner.reset(task, target if find_task(task).needs_target else None, 0)
-    for number, (x, y) in enumerate(_PLACES):
-        stamp, pose = 1.0 + number, Pose(x, y)
-        ranges = cast_rays(free, 0.2, 0.0, 0.0, x, y, angles, 6.0)
-        ends = np.stack([x + ranges * np.cos(angles), y + ranges * np.sin(angles)], axis=1)
-        robot_map.add_pose(stamp, pose)
-        if config.sensing.source == "grid":
-            robot_map.add_grid(stamp, np.where(free, 0, 100).astype(np.int8), 0.2, (0.0, 0.0, 0.0))
-        else:
-            robot_map.add_scan(stamp, Scan(ranges, 0.0, 2.0 * np.pi / _BEAMS, 6.0))
-            robot_map.add_points(stamp, np.column_stack([ends, np.full(_BEAMS, 0.5)]).astype(np.float32))
-        mapper = robot_map.refresh()
+    for number, (column, row) in enumerate(_PLACES):
+        x, y = column * cell, row * cell
+        pose = Pose(x, y)
+        ranges = cast_rays(free, cell, 0.0, 0.0, x, y, angles, reach)
+        met = np.isfinite(ranges)
+        ends = np.stack([x + ranges[met] * np.cos(angles[met]), y + ranges[met] * np.sin(angles[met])], axis=1)
+        for scan in range(_SCANS):
+            stamp = 1.0 + number + 0.1 * scan
+            robot_map.add_pose(stamp, pose)
+            if config.sensing.source == "grid":
+                robot_map.add_grid(stamp, np.where(free, 0, 100).astype(np.int8), cell, (0.0, 0.0, 0.0))
+            else:
+                robot_map.add_scan(stamp, Scan(ranges, 0.0, 2.0 * np.pi / _BEAMS, reach))
+                robot_map.add_points(stamp, np.column_stack([ends, np.full(len(ends), 0.5)]).astype(np.float32))
+            mapper = robot_map.refresh()
         if mapper is not None:
             for planner, _ in planners:
                 for each in with_deputies(planner):
@@ -64,7 +79,7 @@ def warm_up(config: DeployConfig, planners: list[tuple[Planner, TaskName]]) -> N
                 find_unseen(mapper, config.mapping.robot_radius)
                 go_to_unseen(mapper, pose, config.mapping.robot_radius, lambda _: False)
             # Beside the wall the way out is looked for.
-            beside = Pose(x, 0.5)
+            beside = Pose(x, 2.0 * cell + 0.1)
             mapper.update(beside)
             mapper.segment_free(beside.position, pose.position)
             way_out(mapper, beside, 1.0)
