@@ -45,6 +45,9 @@ def warm_up(config: DeployConfig, planners: list[tuple[Planner, TaskName]]) -> N
     # Poses come from here, whatever the robot's own source of them is.
     sensing = config.sensing.model_copy(update={"pose": "odometry"})
     robot_map = RobotMap(config.model_copy(update={"sensing": sensing}), target)
+    # An exploration closes small holes and rims, a navigation does not.
+    explored = RobotMap(config.model_copy(update={"sensing": sensing}))
+    maps = (robot_map, explored)
     free = np.zeros((60, 60), dtype=np.bool_)
     free[2:58, 2:58] = True
     for wall in (24, 42):
@@ -64,17 +67,26 @@ def warm_up(config: DeployConfig, planners: list[tuple[Planner, TaskName]]) -> N
         ends = np.stack([x + ranges[met] * np.cos(angles[met]), y + ranges[met] * np.sin(angles[met])], axis=1)
         for scan in range(_SCANS):
             stamp = 1.0 + number + 0.1 * scan
-            robot_map.add_pose(stamp, pose)
+            for each in maps:
+                each.add_pose(stamp, pose)
             if config.sensing.source == "grid":
-                robot_map.add_grid(stamp, np.where(free, 0, 100).astype(np.int8), cell, (0.0, 0.0, 0.0))
+                for each in maps:
+                    each.add_grid(stamp, np.where(free, 0, 100).astype(np.int8), cell, (0.0, 0.0, 0.0))
             else:
-                robot_map.add_scan(stamp, Scan(ranges, 0.0, 2.0 * np.pi / _BEAMS, reach))
-                robot_map.add_points(stamp, np.column_stack([ends, np.full(len(ends), 0.5)]).astype(np.float32))
+                points = np.column_stack([ends, np.full(len(ends), 0.5)]).astype(np.float32)
+                for each in maps:
+                    each.add_scan(stamp, Scan(ranges, 0.0, 2.0 * np.pi / _BEAMS, reach))
+                    each.add_points(stamp, points)
             mapper = robot_map.refresh()
+            exploring = explored.refresh()
+            if exploring is not None:
+                # Asked for, frontiers are kept up to date by what changes.
+                _ = exploring.frontier_cells
+                exploring.nodes_at(np.array([pose.position]))
         if mapper is not None:
             for planner, _ in planners:
-                for each in with_deputies(planner):
-                    _try(each, mapper, pose)
+                for deputy in with_deputies(planner):
+                    _try(deputy, mapper, pose)
             if not mapper.stuck:
                 find_unseen(mapper, config.mapping.robot_radius)
                 go_to_unseen(mapper, pose, config.mapping.robot_radius, lambda _: False)

@@ -1,4 +1,4 @@
-"""Say which kernels of planners a robot is the first to call: ``python -m tests.deploy.bridge.late_kernels``."""
+"""Say which kernels a robot is the first to call: ``python -m tests.deploy.bridge.late_kernels``."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def main() -> None:
     warm_up(settings, planners.members(settings.decision.task))
     called.clear()
     explore(settings)
-    print([name for name in called if name.startswith(("common.planners.", "common.tours."))])
+    print([name for name in called if name.startswith(("common.", "deploy."))])
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 
-def test_no_planner_compiles_anything_on_the_way():
+def test_an_exploration_compiles_nothing_on_its_way():
     # In a process of its own: here other tests may have called the kernels.
     command = [sys.executable, "-m", "tests.deploy.bridge.late_kernels"]
     told = subprocess.run(command, capture_output=True, text=True, check=True)
