@@ -1,30 +1,27 @@
-"""The environment: one robot in one world at a time, for any task."""
+"""The environment: one episode of one robot at a time, for any task; what it observes, and what it is rewarded for."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 
 from actors.expert import Expert, ExpertLabel
 from actors.maps.grid_map import GridMap
 from actors.protocol import check_way
 from actors.rewards import StepOutcome, step_reward
-from actors.simulators.base import Leg, Simulator, Watch
+from actors.robot import Robot
+from actors.simulators.base import Simulator, Watch
 from actors.step import Step, StepInfo
 from actors.tasks import Goal
 from actors.tasks.coverage import Coverage
 from common.config import ImageScale, MappingConfig, RewardConfig
 from common.errors import ConfigError, HDError, MapError
-from common.geometry import Pose, Scan
+from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.messages.experience import End
 from common.observations.observation import Observation
 from common.planners.base import Position
-from common.planners.goals import nothing_to_see
 from common.planners.reference import ReferenceRoute
 
-# Nearer to its viewpoint than this, metres, the robot counts as standing on it.
-ON_VIEWPOINT = 0.3
 # Decisions in a row that brought the robot nowhere before the episode is given up.
 MAX_BLOCKED = 4
 
@@ -43,18 +40,12 @@ class Environment:
     Attributes:
         world: the world of this episode.
         mapping: what the robot makes of its scans.
-        mapper: what the robot knows.
-        pose: where the robot stands.
+        robot: drives, senses and maps, from `reset` on.
         end: whether and how the episode ended; it may have ended at the reset.
         reason: why it ended (see `StepInfo.reason`).
-        positions: (x, y) of the start and of the end of every leg, metres: the route for results files and recounts.
-        corners: those of the positions, by number, at which nothing was decided: corners of ways that are not straight.
-        distance: travelled metres, the way to the first viewpoint included.
         steps: decisions taken.
         max_steps: decisions before the episode is truncated.
-        collisions: contacts with the world.
         total_reward: sum of the rewards.
-        mapping_seconds: processor time that the mapper took for the scans since the last decision, seconds.
     """
 
     def __init__(
@@ -102,7 +93,6 @@ class Environment:
         self._replans = replans
         self.end = End.TRUNCATED
         self.reason = ""
-        self.corners: list[int] = []
 
     def reset(self, world: GridMap, seed: int, *, on_lattice: bool = True) -> Observation:
         """Begin an episode and return what the robot knows at its first viewpoint.
@@ -123,37 +113,28 @@ class Environment:
         self.goal.reset(world)
         self.world = world
         self.coverage = Coverage(world, self.mapping.robot_radius)
-        self.steps = self.collisions = 0
-        self.distance = self.total_reward = self.mapping_seconds = 0.0
+        self.steps = 0
+        self.total_reward = 0.0
         self._blocked_in_row = 0
         self._expert_label: ExpertLabel | None = None
         self._expert_knows = False
         self._on_lattice = on_lattice
         self.end, self.reason = End.NONE, ""
-        self.pose = self._simulator.reset(world, seed)
-        self.positions = [self.pose.position]
-        self.corners = []
-        width, height = world.size
-        self.mapper = Mapper(
-            self.mapping,
-            lattice_origin=world.lattice_origin,
-            bounds=(*world.origin, world.origin[0] + width, world.origin[1] + height),
-            target=self.goal.target,
-        )
+        self.robot = Robot(self._simulator, self.mapping, world, seed, self.goal.target, images=self._images)
         if self._reference is not None:
             self._reference.reset(self.goal.task.name, self.goal.target)
-        self._look()
-        self._update()
+        complete = self._complete()
+        self.robot.update()
         if self.mapper.stuck:
             raise MapError(
                 f"map {world.name!r}: no viewpoint can be reached from the start {world.start}: "
                 "move the start, or choose a finer mapping.viewpoint_spacing"
             )
-        observation = self._observe()
+        self._observation = self.robot.observe()
         # A robot that already has its target in reach needs no viewpoint first.
-        if on_lattice and not self.goal.complete(self.coverage, self.pose):
-            observation = self._go_to_viewpoint(observation)
-        self._observation = observation
+        if on_lattice and not complete:
+            self.robot.go_to_viewpoint(self._complete)
+            self._observe()
         self._settle()
         return self._observation
 
@@ -186,26 +167,7 @@ class Environment:
         way = [*via, position]
         self._check_going()
         check_way(self.mapper, self.pose, way, self.mapping.viewpoint_spacing)
-        return self._advance(way, self._watch(goal))
-
-    def _watch(self, goal: Position | None) -> Watch | None:
-        """Return what takes the scans on the way, and stops the robot once nothing is left to see from its goal.
-
-        None where the robot decides at waypoints alone, or where there was nothing to see from the goal anyway.
-        """
-        mapper, spacing = self.mapper, self.mapping.viewpoint_spacing
-        if goal is None or not self._replans or nothing_to_see(mapper, goal, spacing):
-            return None
-
-        def watch(pose: Pose, scan: Scan) -> bool:
-            began = time.process_time()
-            mapper.integrate(scan, pose)
-            mapper.update(pose)
-            seen = nothing_to_see(mapper, goal, spacing)
-            self.mapping_seconds += time.process_time() - began
-            return seen
-
-        return watch
+        return self._advance(way, self.robot.watch(goal) if self._replans and goal is not None else None)
 
     def _advance(self, way: list[Position], watch: Watch | None = None) -> Step:
         """Carry out one decision: drive along a way of straight legs, or until the watch stops the robot."""
@@ -214,16 +176,15 @@ class Environment:
         frontier = self.mapper.frontiers_removed
         to_target = self.goal.progress(self.pose)
         travelled, collided = self.distance, self.collisions
-        self.mapping_seconds = 0.0
+        self.robot.mapping_seconds = 0.0
 
-        blocked = not self._drive(way, watch)
+        blocked = not self.robot.drive(way, self._complete, watch)
         if blocked and self._on_lattice and not self.mapper.stuck:
-            self._go_to_viewpoint(self.mapper.observe())
+            self.robot.go_to_viewpoint(self._complete)
         self._blocked_in_row = self._blocked_in_row + 1 if blocked else 0
         self.steps += 1
         self._expert_label = None
-        if not self.mapper.stuck:
-            self._observation = self._observe()
+        self._observe()
         self._settle()
 
         outcome = StepOutcome(
@@ -239,6 +200,41 @@ class Environment:
         self.total_reward += reward
         info = StepInfo(self.reason, outcome.complete, self.coverage.explored, blocked, self.collisions - collided)
         return Step(self._observation, reward, self.end, outcome.distance, info)
+
+    @property
+    def mapper(self) -> Mapper:
+        """What the robot knows."""
+        return self.robot.mapper
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot stands."""
+        return self.robot.pose
+
+    @property
+    def positions(self) -> list[Position]:
+        """(x, y) of the start and of the end of every leg, metres: the route for results files and recounts."""
+        return self.robot.positions
+
+    @property
+    def corners(self) -> list[int]:
+        """Those of the positions, by number, at which nothing was decided: corners of ways that are not straight."""
+        return self.robot.corners
+
+    @property
+    def distance(self) -> float:
+        """Travelled metres, the way to the first viewpoint included."""
+        return self.robot.distance
+
+    @property
+    def collisions(self) -> int:
+        """Contacts with the world."""
+        return self.robot.collisions
+
+    @property
+    def mapping_seconds(self) -> float:
+        """Processor time that the mapper took for the scans since the last decision, seconds."""
+        return self.robot.mapping_seconds
 
     @property
     def success(self) -> bool:
@@ -303,64 +299,16 @@ class Environment:
         if waypoint not in self._waypoints:
             raise HDError(f"waypoint must be one of the nodes {self._waypoints.tolist()}, got {waypoint}")
 
-    def _go_to_viewpoint(self, observation: Observation) -> Observation:
-        """Drive to the robot's viewpoint when it stands beside it; return what is known then."""
-        node = self.mapper.position(observation.robot)
-        if self.pose.distance_to(node) <= ON_VIEWPOINT:
-            return observation
-        self._drive(self.mapper.way_home())
-        return observation if self.mapper.stuck else self._observe()
+    def _observe(self) -> None:
+        """Note what the robot knows now; one that is stuck observes nothing new."""
+        if not self.mapper.stuck:
+            self._observation = self.robot.observe()
 
-    def _observe(self) -> Observation:
-        return self.mapper.observe(image=self._images)
+    def _complete(self) -> bool:
+        """Count what the robot has seen; return whether that, or where it stands, completes the task.
 
-    def _drive(self, way: list[Position], watch: Watch | None = None) -> bool:
-        """Drive along a way, sensing at its corners and its end; return whether the robot got there.
-
-        Where its first leg is not known to be free from where the robot stands, it goes by way of its viewpoint. A task
-        that is complete at a corner is complete there. The graph is brought up to date where the robot stops: at
-        corners nothing is decided.
+        A task that is complete at a corner is complete there.
         """
-        if not self.mapper.segment_free(self.pose.position, way[0]) and not self.mapper.stuck:
-            home = self.mapper.way_home()
-            if self.pose.distance_to(home[-1]) > 1e-6 and way[: len(home)] != home:
-                way = [*home, *way]
-        reached = True
-        for place in way:
-            if self.pose.distance_to(place) == 0.0 and place != way[-1]:
-                continue
-            leg = self._simulator.drive_to(place) if watch is None else self._simulator.drive_to(place, watch)
-            reached = self._take(leg) or leg.stopped
-            self._look()
-            if not reached or leg.stopped or self.goal.complete(self.coverage, self.pose):
-                break
-            if place != way[-1]:
-                self.corners.append(len(self.positions) - 1)
-        self._update()
-        return reached
-
-    def _take(self, leg: Leg) -> bool:
-        began = time.process_time()
-        for pose, scan in leg.sensed:
-            self.mapper.integrate(scan, pose)
-        self.mapping_seconds += time.process_time() - began
-        self.pose = leg.pose
-        self.distance += leg.distance
-        self.collisions += leg.collisions
-        self.positions.append(leg.pose.position)
-        return leg.reached
-
-    def _update(self) -> None:
-        """Bring the graph up to date."""
-        began = time.process_time()
-        self.mapper.update(self.pose)
-        self.mapping_seconds += time.process_time() - began
-
-    def _look(self) -> None:
-        """Scan from here, and bring the belief and the coverage up to date."""
-        scan = self._simulator.scan()
-        began = time.process_time()
-        self.mapper.integrate(scan, self.pose)
-        self.mapping_seconds += time.process_time() - began
         belief = self.mapper.belief
         self.coverage.update(belief.cells, belief.resolution, belief.origin)
+        return self.goal.complete(self.coverage, self.pose)

@@ -24,6 +24,7 @@ import numpy as np
 from actors.collector import Collector
 from actors.driver import Choice, Driver
 from actors.environment import Environment
+from actors.robot import Robot
 from common.config import RunConfig
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.messages.schema import encode
@@ -93,9 +94,10 @@ class Stages(ExitStack):
         self._wrap(simulator, "reset", "simulator reset")
         self._wrap(simulator, "drive_to", "drive")
         self._wrap(simulator, "scan", "scan")
-        # Each episode has an environment of its own.
-        self._wrap(Environment, "_look", "mapping")
-        self._wrap(Environment, "_update", "mapping")
+        # Each episode has an environment and a robot of its own.
+        self._wrap(Robot, "_look", "mapping")
+        self._wrap(Robot, "update", "mapping")
+        self._wrap(Environment, "_complete", "mapping")
         self._wrap(Environment, "expert_label", "expert")
         for arena in collector._arenas:
             self._wrap(arena.source, "draw", "world")
