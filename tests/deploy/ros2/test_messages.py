@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deploy.ros2.errors import RosError
-from deploy.ros2.messages import deserialize, message, seconds, serialize, stamp, type_hash, typestore
+from deploy.ros2.messages import deserialize, header, message, seconds, serialize, stamp, type_hash, typestore
 from tests.deploy.ros2.network import KINDS
 
 LIMITS = {"float32": 2.0**100, "float64": 2.0**1000}
@@ -146,3 +146,7 @@ def test_stamps_out_of_range_are_refused(time):
 def test_hashes_are_those_of_ros():
     # As in the keys that the design document of rmw_zenoh shows.
     assert type_hash("std_msgs/msg/String") == "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
+
+
+def test_stamps_of_headers():
+    assert header(12.25, "map").stamp.nanosec == 250_000_000
