@@ -10,7 +10,7 @@ from common.network.beacon_attention import BeaconAttention
 from common.network.belief_map import BeliefMap
 from common.network.feedforward import FeedForward
 from common.network.graph_batch import GraphBatch
-from common.observations.features import feature_count
+from common.observations.feature_sets import feature_count
 
 
 class EncoderLayer(nn.Module):

@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from common.config import NetworkConfig
 from common.network.reduction import kept_rows, renumbered
 from common.observations.belief_raster import belief_raster
-from common.observations.features import (
+from common.observations.feature_sets import (
     DISTANCE_SCALE,
     FEATURE_NAMES,
     FeatureSet,
     computed_set,
     feature_columns,
     feature_count,
-    node_features,
 )
+from common.observations.features import node_features
 from common.observations.index import EXTRA_SLOTS, LINK_SLOT, NeighbourTable, neighbour_table
 from common.observations.observation import ObservationBatch
 from common.observations.overview import CLOSENESS, PAIR_FEATURES, Overview

@@ -34,7 +34,7 @@ from common.network.image_layers import TABLE_SIDE, image_layers
 from common.network.logits import LOGIT_LIMIT
 from common.network.policy_network import PolicyNetwork, PolicyOutput
 from common.network.segment import segment_log_softmax
-from common.observations.features import DISTANCE_SCALE
+from common.observations.feature_sets import DISTANCE_SCALE
 from common.observations.observation import IMAGE_SIDE, IMAGES
 
 

@@ -11,7 +11,7 @@ from common.config import NetworkConfig
 from common.errors import WeightsError
 from common.network.belief_layers import belief_layers
 from common.network.image_layers import TABLE_SIDE, ImageLayer, image_layers
-from common.observations.features import FEATURE_NAMES, feature_count
+from common.observations.feature_sets import FEATURE_NAMES, feature_count
 from common.observations.observation import IMAGES
 from common.observations.overview import CLOSENESS, PAIR_FEATURES
 

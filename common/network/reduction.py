@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from common.observations.features import DISTANCE_SCALE, FEATURE_NAMES, REACH_SCALE
+from common.observations.feature_sets import DISTANCE_SCALE, FEATURE_NAMES, REACH_SCALE
 from common.system.jit import njit
 
 SURROUNDINGS = 4.0

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from common.observations.features import DISTANCE_SCALE, FEATURE_NAMES
+from common.observations.feature_sets import DISTANCE_SCALE, FEATURE_NAMES
 from common.observations.observation import IMAGE_SIDE, IMAGES, STEP_UNITS
 from common.system.jit import njit
 

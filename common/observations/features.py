@@ -3,77 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from common.observations.feature_sets import DISTANCE_SCALE, REACH_SCALE, FeatureSet, feature_count
 from common.observations.index import EXTRA_SLOTS, NeighbourTable
 from common.observations.observation import NEIGHBOUR_COUNT, STEP_UNITS, ObservationBatch
 from common.observations.paths import TIE, RobotPaths, shortest_paths
 from common.system.jit import njit
 
-FeatureSet = Literal["paper", "extended", "guided", "ariadne", "ca"]
-FEATURE_NAMES: dict[FeatureSet, tuple[str, ...]] = {
-    "paper": (
-        "x",
-        "y",
-        "utility",
-        "visited",
-        "beacon",
-        "robot",
-        "target",
-        "target_direction_x",
-        "target_direction_y",
-        "target_distance",
-    )
-}
-FEATURE_NAMES["extended"] = (
-    *FEATURE_NAMES["paper"],
-    "robot_graph_distance",
-    "degree",
-    "useful_graph_distance",
-    "on_beacon_path",
-    "target_graph_distance",
-)
-
-FEATURE_NAMES["guided"] = (
-    *FEATURE_NAMES["extended"],
-    "on_route",
-    "route_distance",
-    "route_next",
-    "reach",
-)
-
-# The features of two publications: nothing that is not among those of the set `paper`.
-FEATURE_NAMES["ariadne"] = ("x", "y", "utility", "visited")
-FEATURE_NAMES["ca"] = (*FEATURE_NAMES["ariadne"], "target_direction_x", "target_direction_y", "target_distance")
-
-# Lattice steps per unit of a position or distance, and the largest such value.
-DISTANCE_SCALE = 20.0
+# The largest value of a position or distance.
 _LIMIT = 8.0
-# Lattice steps per unit of the sensor's range.
-REACH_SCALE = 10.0
 # Cells to a lattice step where a frontier cell of the set `guided` counts once: 4 m of 0.25 m, the public benchmark's.
 _CELLS = 16.0
 # On a lattice the degree is 1 at most; where small rooms crowd it may be more.
 _DEGREE_LIMIT = 2.0
-
-
-def feature_count(features: FeatureSet) -> int:
-    """Number F of features per node."""
-    return len(FEATURE_NAMES[features])
-
-
-def computed_set(features: FeatureSet) -> FeatureSet:
-    """Return the set that `node_features` computes for a network of these features."""
-    return "paper" if features in ("ariadne", "ca") else features
-
-
-def feature_columns(features: FeatureSet) -> list[int]:
-    """Return the columns, among those of `computed_set`, that a network of these features reads."""
-    computed = FEATURE_NAMES[computed_set(features)]
-    return [computed.index(name) for name in FEATURE_NAMES[features]]
 
 
 def node_features(
@@ -116,7 +61,7 @@ def node_features(
     Args:
         batch: k observations.
         table: their neighbours.
-        features: which set; one of its own (see `computed_set`).
+        features: which set; one of its own (see `common.observations.feature_sets.computed_set`).
         paths: from the robots; the set ``paper`` needs none.
 
     Returns:

@@ -11,7 +11,7 @@ from common.network.image_layers import TABLE_SIDE, image_layers
 from common.network.logits import LOGIT_LIMIT
 from common.network.parameters import Arrays
 from common.observations.belief_raster import RASTER_CHANNELS, RASTER_SIDE
-from common.observations.features import feature_count
+from common.observations.feature_sets import feature_count
 from common.observations.observation import IMAGE_SIDE, IMAGES
 from common.observations.overview import CLOSENESS, PAIR_FEATURES
 from common.system.extras import optional

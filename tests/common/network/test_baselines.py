@@ -18,7 +18,7 @@ from common.network.image_inference import place_tents
 from common.network.parameters import initial_parameters, parameter_shapes, with_options
 from common.network.segment import segment_sum
 from common.network.state import to_arrays
-from common.observations.features import FEATURE_NAMES
+from common.observations.feature_sets import FEATURE_NAMES
 from common.observations.observation import ObservationBatch
 from common.policies.policy import Policy
 from tests.observations import random_batch, random_observation

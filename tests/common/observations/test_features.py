@@ -7,7 +7,7 @@ from hypothesis import given, settings
 
 from common.config import NetworkConfig
 from common.network.graph_arrays import GraphArrays
-from common.observations.features import FEATURE_NAMES
+from common.observations.feature_sets import FEATURE_NAMES
 from common.observations.observation import STEP_UNITS, Observation, ObservationBatch
 from tests.observations import observations, random_batch
 

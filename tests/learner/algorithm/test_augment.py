@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from common.config import NetworkConfig
 from common.messages.validation import check_choices, check_observations
 from common.network.graph_arrays import GraphArrays
-from common.observations.features import FEATURE_NAMES
+from common.observations.feature_sets import FEATURE_NAMES
 from common.observations.observation import ObservationBatch
 from learner.algorithm.augment import MATRICES, SYMMETRIES, augment, transform_observations
 from tests.observations import random_batch
