@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import logging
-import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
@@ -14,20 +12,18 @@ from numpy.typing import NDArray
 
 from common.errors import MappingError
 from common.geometry import Pose, Scan
-from common.system.logs import lasting
 from deploy.config import SensingConfig
 from deploy.mapping.cloud import checked_points, project
 from deploy.mapping.cloud import problem as cloud_problem
 from deploy.mapping.frames import Frames, plain
 from deploy.mapping.log_odds import Beams
+from deploy.mapping.message_log import MessageLog
 from deploy.mapping.placing import NoPlaceError, Placed, Placing, planar_scan
 from deploy.mapping.pose_buffer import PoseBuffer
 from deploy.mapping.transforms import Transform, TransformTree
 from deploy.mapping.volume import ExploredVolume
 from deploy.network_config import FramesConfig
 from deploy.safety.stamps import Order, StampOrder
-
-logger = logging.getLogger(__name__)
 
 StampedTransform = tuple[float, str, str, tuple[float, float, float], tuple[float, float, float, float]]
 
@@ -36,13 +32,10 @@ MAX_WAITING: Final = 40
 MAX_READY: Final = 50
 # A sensor's frame may come on /tf_static so much later than its first message, seconds; messages wait for it.
 FRAME_PATIENCE: Final = 2.0
-# Frames and notes come from outside: of more different ones than a robot can have none is remembered.
+# Frames come from outside: of more different ones than a robot can have none is remembered.
 MAX_STREAMS: Final = 1000
-MAX_NOTES: Final = 100
 # A stamp that lies so much further back than the newest one means that the clock was set back, seconds.
 CLOCK_JUMP: Final = 10.0
-# What has not been dropped for so long, seconds, is no longer dropped.
-GONE_SECONDS: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,9 +75,7 @@ class Intake:
     Attributes:
         ready: beams and the sensor's pose for the map, oldest first; the caller takes them out.
         cloud: the newest cloud with its place, for the OctoMap; the caller takes it out.
-        received: number of scans and clouds that came.
-        dropped: how many were dropped, by reason.
-        problem: the last reason in words.
+        messages: what became of the scans, clouds and transforms that came.
         volume: the explored volume.
     """
 
@@ -102,14 +93,10 @@ class Intake:
         self._clock = float("-inf")
         self._first_of_frame: dict[str, float] = {}
         self._given_up: set[str] = set()
-        self._noted: set[str] = set()
         self._orders: dict[str, StampOrder] = {}
         self._connected = False
         self._first_clock = float("inf")
-        self.received = 0
-        self.dropped: Counter[str] = Counter()
-        self._dropped_at: dict[str, float] = {}
-        self.problem = ""
+        self.messages = MessageLog()
         self.forget()
 
     def forget(self) -> None:
@@ -146,14 +133,14 @@ class Intake:
             return None
         problem = self._frames.odometry_problem(frame, child)
         if problem:
-            self.drop("odometry in another frame", problem)
+            self.messages.drop("odometry in another frame", problem)
             return None
-        self.note(self._frames.odometry_note())
+        self.messages.note(self._frames.odometry_note())
         self._ordered("pose", time)
         if self._poses.add(time, pose, floor):
             self._tick(time)
             return self._frames.base(pose)
-        self.drop("pose not finite", f"a pose must be finite, got {pose} at {time}: check the localisation")
+        self.messages.drop("pose not finite", f"a pose must be finite, got {pose} at {time}: check the localisation")
         return None
 
     def add_transforms(self, transforms: Iterable[StampedTransform], static: bool) -> None:
@@ -162,7 +149,7 @@ class Intake:
             try:
                 self._tree.add(moment, parent, child, translation, rotation, static=static)
             except MappingError as error:
-                self.drop("transform refused", str(error))
+                self.messages.drop("transform refused", str(error))
                 continue
             if not static and self._by_tf:
                 if self._ordered(f"transform of {child}", moment) is Order.SET_BACK:
@@ -174,44 +161,25 @@ class Intake:
             if np.isfinite(self._clock):
                 self._first_clock = min(self._first_clock, self._clock)
                 if not self._connected and self._clock - self._first_clock > FRAME_PATIENCE:
-                    self.note(self._no_pose())
+                    self.messages.note(self._no_pose())
 
     def add_scan(self, time: float, scan: Scan, frame: str) -> None:
         """Add a scan."""
         if scan.range_max > 0.0:
             self._enqueue(_Waiting(time, scan, plain(frame)))
         else:
-            self.received += 1
-            self.drop("scan refused", f"a scan needs a range_max above 0, got {scan.range_max}: correct the driver")
+            self.messages.received += 1
+            self.messages.drop(
+                "scan refused", f"a scan needs a range_max above 0, got {scan.range_max}: correct the driver"
+            )
 
     def add_points(self, time: float, points: NDArray[np.float32], frame: str) -> None:
         """Add a point cloud."""
         try:
             self._enqueue(_Waiting(time, checked_points(points), plain(frame)))
         except MappingError as error:
-            self.received += 1
-            self.drop("cloud refused", str(error))
-
-    def warn(self, problem: str) -> None:
-        """Keep a problem that drops nothing, and log it when it is new."""
-        if problem != self.problem:
-            logger.warning("%s", problem)
-        self.problem = problem
-
-    def note(self, note: str) -> None:
-        """Keep what an operator has to know, and log it, once; nothing for an empty text."""
-        if note and note not in self._noted and len(self._noted) < MAX_NOTES:
-            self._noted.add(note)
-            self.warn(note)
-
-    def drop(self, reason: str, problem: str) -> None:
-        """Count a message that was dropped, and say why in the log when it is the first one for that reason."""
-        self.dropped[reason] += 1
-        self._dropped_at[reason] = time.monotonic()
-        self.problem = problem
-        if self.dropped[reason] == 1:
-            goes_on = lasting(lambda: time.monotonic() - self._dropped_at[reason] < GONE_SECONDS)
-            logger.warning("%s (only the first is reported): %s", reason, problem, extra=goes_on)
+            self.messages.received += 1
+            self.messages.drop("cloud refused", str(error))
 
     def world(self, frame: str) -> Transform | None:
         """Return where a frame of the world, such as that of a SLAM's map, lies in the map frame; None if unknown."""
@@ -237,16 +205,20 @@ class Intake:
         return np.concatenate([points for _, points in self._newest.values()])
 
     def _enqueue(self, message: _Waiting) -> None:
-        self.received += 1
+        self.messages.received += 1
         if not np.isfinite(message.time):
-            self.drop("stamp not finite", f"a message needs a finite stamp, got {message.time}: correct its publisher")
+            self.messages.drop(
+                "stamp not finite", f"a message needs a finite stamp, got {message.time}: correct its publisher"
+            )
             return
         kind, stream = message.kind, f"{message.kind} in {message.frame!r}"
         if stream not in self._orders and len(self._orders) >= MAX_STREAMS:
-            self.drop("too many frames", f"messages arrived in {MAX_STREAMS} frames, the last in {message.frame!r}")
+            self.messages.drop(
+                "too many frames", f"messages arrived in {MAX_STREAMS} frames, the last in {message.frame!r}"
+            )
             return
         if self._ordered(stream, message.time) in {Order.LATE, Order.REPEATED}:
-            self.drop(
+            self.messages.drop(
                 f"{kind} outdated",
                 f"a {kind} arrived with the stamp {message.time:.3f} s, which is not newer than the last one",
             )
@@ -255,7 +227,7 @@ class Intake:
         self._waiting.append(message)
         if len(self._waiting) > MAX_WAITING:
             self._waiting.popleft()
-            self.drop("queue full", f"more than {MAX_WAITING} messages wait for a pose: {self._no_pose()}")
+            self.messages.drop("queue full", f"more than {MAX_WAITING} messages wait for a pose: {self._no_pose()}")
 
     def _no_pose(self) -> str:
         """Say what to do where no pose arrives, naming what lacks in TF."""
@@ -273,7 +245,9 @@ class Intake:
         """Take in a stamp of a stream; when the clock was set back, forget all that was stamped before."""
         order = self._orders.setdefault(stream, StampOrder()).take(time)
         if order is Order.SET_BACK:
-            self.warn(f"a {stream} is stamped {time:.3f} s: the clock was set back, so earlier poses are discarded")
+            self.messages.warn(
+                f"a {stream} is stamped {time:.3f} s: the clock was set back, so earlier poses are discarded"
+            )
             self._poses.clear()
             self._tree.forget_moving()
             self._waiting.clear()
@@ -309,9 +283,9 @@ class Intake:
         try:
             placed = self._placing.place(message.time, message.frame, is_scan=isinstance(message.data, Scan))
         except NoPlaceError as error:
-            self.drop(error.reason, str(error))
+            self.messages.drop(error.reason, str(error))
             return None
-        self.note(placed.note)
+        self.messages.note(placed.note)
         return placed
 
     def _take(self, message: _Waiting, placed: Placed) -> None:
@@ -324,7 +298,7 @@ class Intake:
                 message.data, transform, sensor.translation, placed.floor, sensing.height_max
             )
             if reason:
-                self.drop(reason, problem)
+                self.messages.drop(reason, problem)
                 return
             beams = project(message.data, transform, sensor.translation, placed.floor, sensing, self._range_max)
             pose = Pose(sensor.translation[0], sensor.translation[1])
@@ -345,4 +319,6 @@ class Intake:
             self.ready.append((beams, pose))
             if len(self.ready) > MAX_READY:
                 self.ready.popleft()
-                self.drop("map not refreshed", f"more than {MAX_READY} scans wait for the map: refresh it more often")
+                self.messages.drop(
+                    "map not refreshed", f"more than {MAX_READY} scans wait for the map: refresh it more often"
+                )

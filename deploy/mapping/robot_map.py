@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
-from math import floor
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +14,11 @@ from common.geometry import Pose, Scan
 from common.mapping.mapper import Mapper
 from deploy.config import DeployConfig
 from deploy.mapping.belief_writer import BeliefWriter
+from deploy.mapping.grid_intake import GridIntake
 from deploy.mapping.intake import Intake, StampedTransform
-from deploy.mapping.log_odds import Beams, LogOddsGrid
-from deploy.mapping.measured_grid import MeasuredGrid
-from deploy.mapping.octomap import OctoMap
-from deploy.mapping.slam_grid import SlamGrid, resample, strangeness
-from deploy.mapping.transforms import Transform
-from deploy.safety.stamps import Order, StampOrder
-
-logger = logging.getLogger(__name__)
+from deploy.mapping.log_odds import Beams
+from deploy.mapping.slam_grid import SlamGrid, strangeness
+from deploy.mapping.survey import Survey
 
 _NO_POINTS = np.empty((0, 2))
 
@@ -69,26 +63,15 @@ class RobotMap:
         Raises:
             MappingError: OctoMap is wanted and not installed, or not made from point clouds.
         """
-        if config.sensing.octomap and config.sensing.source != "points":
-            raise MappingError(
-                f"sensing.octomap needs sensing.source 'points', got {config.sensing.source!r}: correct one of the two"
-            )
         self._config = config
         # The intake is filled by subscriber threads and must never wait for the map's arithmetic.
         self._intake_lock = threading.Lock()
         self._map_lock = threading.Lock()
         self._intake = Intake(config.frames, config.sensing, config.mapping.sensor_range)
-        self._grids_received = 0
-        self._grid_order = StampOrder()
-        # The newest map is kept: one that is latched comes only once.
-        self._grid_newest: tuple[SlamGrid, str] | None = None
-        self._grid_pending: tuple[SlamGrid, str] | None = None
+        self._grids = GridIntake(self._intake, config.frames.map, wanted=config.sensing.source == "grid")
         self._target = target
-        self._cells: MeasuredGrid | None = None
+        self._survey = Survey(config)
         self._writer: BeliefWriter | None = None
-        self._octomap: OctoMap | None = None
-        self._integrated = 0
-        self.reset(target)
 
     def add_pose(self, time: float, pose: Pose, floor: float = 0.0, frame: str = "", child: str = "") -> Pose | None:
         """Add a pose of the odometry (``sensing.pose: odometry``).
@@ -147,13 +130,13 @@ class RobotMap:
             problem: the same in a sentence.
         """
         with self._intake_lock:
-            self._intake.received += 1
-            self._intake.drop(reason, problem)
+            self._intake.messages.received += 1
+            self._intake.messages.drop(reason, problem)
 
     def note(self, problem: str) -> None:
         """Tell the operator once of something strange about messages that are used all the same."""
         with self._intake_lock:
-            self._intake.note(problem)
+            self._intake.messages.note(problem)
 
     def add_grid(
         self,
@@ -175,19 +158,7 @@ class RobotMap:
             frame: that of its header, in which the origin is.
         """
         with self._intake_lock:
-            self._grids_received += 1
-            if self._config.sensing.source != "grid":
-                self._intake.drop("grid not wanted", "an OccupancyGrid arrived, but sensing.source is not 'grid'")
-            elif self._grid_order.take(time) is Order.LATE:
-                self._intake.drop("grid outdated", "an OccupancyGrid arrived after a newer one")
-            elif cells.max(initial=-1) == 1:
-                self._intake.drop(
-                    "grid refused",
-                    "an OccupancyGrid's cells are percentages, -1 unknown, 0 free to 100 occupied; none of this one "
-                    "is above 1, so its walls would be free: publish 100 instead of 1",
-                )
-            else:
-                self._grid_newest = self._grid_pending = SlamGrid(cells, resolution, origin), frame
+            self._grids.add(time, cells, resolution, origin, frame)
 
     def refresh(self) -> Mapper | None:
         """Apply what came and bring the Mapper up to date at the newest pose.
@@ -204,24 +175,24 @@ class RobotMap:
                 ready = list(self._intake.ready)
                 self._intake.ready.clear()
                 cloud, self._intake.cloud = self._intake.cloud, None
-                grid = self._placed_grid()
+                grid = self._grids.take()
                 pose = self._intake.pose
-            if self._octomap is not None and cloud is not None:
-                self._octomap.insert(cloud)
-                self._use_octomap(self._octomap, cloud.sensor)
-                self._integrated += 1
-            elif self._octomap is None:
+            if self._survey.by_octomap:
+                if cloud is not None:
+                    self._survey.add_cloud(cloud)
+            else:
                 for beams, sensor in ready:
-                    self._integrate(beams, sensor)
+                    self._use_beams(beams, sensor)
             if grid is not None:
                 self._use_grid(grid)
-            if pose is None or self._cells is None or self._cells.empty:
+            cells = self._survey.cells
+            if pose is None or cells is None or cells.empty:
                 return None
             if self._writer is None:
                 self._writer = BeliefWriter(
                     self._config.mapping,
                     self._config.sensing,
-                    self._cells,
+                    cells,
                     self._target,
                     self._config.driving.robot_radius,
                 )
@@ -240,14 +211,14 @@ class RobotMap:
     def statistics(self) -> MapStatistics:
         """What became of the sensor messages, since the last reset where it is about the map."""
         with self._intake_lock:
-            intake = self._intake
+            intake, cells = self._intake, self._survey.cells
             return MapStatistics(
-                received=intake.received + self._grids_received,
-                integrated=self._integrated,
+                received=intake.messages.received + self._grids.received,
+                integrated=self._survey.integrated,
                 waiting=intake.waiting,
-                dropped=dict(intake.dropped),
-                problem=intake.problem,
-                free_area=0.0 if self._cells is None else self._cells.free_area,
+                dropped=dict(intake.messages.dropped),
+                problem=intake.messages.problem,
+                free_area=0.0 if cells is None else cells.free_area,
                 explored_volume=intake.volume.value,
             )
 
@@ -263,7 +234,8 @@ class RobotMap:
             points = self._intake.obstacles()
         if points is None:
             with self._map_lock:
-                return _NO_POINTS if self._cells is None else self._cells.occupied_near(pose.position, radius)
+                cells = self._survey.cells
+                return _NO_POINTS if cells is None else cells.occupied_near(pose.position, radius)
         return points[np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y) <= radius]
 
     def occupancy(self) -> tuple[NDArray[np.int8], float, tuple[float, float]] | None:
@@ -273,9 +245,10 @@ class RobotMap:
             Copy of the cells (-1, 0, 100; int8, row 0 at the bottom), metres per cell, (x, y) of its lower left corner.
         """
         with self._map_lock:
-            if self._cells is None or self._cells.empty:
+            cells = self._survey.cells
+            if cells is None or cells.empty:
                 return None
-            return self._cells.states.copy(), self._cells.resolution, self._cells.origin
+            return cells.states.copy(), cells.resolution, cells.origin
 
     def set_target(self, target: tuple[float, float] | None) -> None:
         """Set another navigation target, or none, and keep the map; it counts from the next refresh."""
@@ -289,81 +262,28 @@ class RobotMap:
         with self._map_lock, self._intake_lock:
             self._target = target
             self._intake.forget()
-            self._grid_pending = self._grid_newest
-            self._cells = self._writer = None
-            self._grid_order = StampOrder()
-            self._integrated = 0
-            self._octomap = self._new_octomap()
+            self._grids.again()
+            self._survey = Survey(self._config)
+            self._writer = None
 
-    def _new_octomap(self) -> OctoMap | None:
-        sensing, mapping = self._config.sensing, self._config.mapping
-        if not sensing.octomap:
-            return None
-        return OctoMap(sensing, min(sensing.range_max or mapping.sensor_range, mapping.sensor_range))
-
-    def _near_anchor(self, position: tuple[float, float]) -> tuple[float, float]:
-        """Return a cell corner near a position, the same in every run, with the lattice half a cell beside it."""
-        spacing = self._config.mapping.viewpoint_spacing
-        return floor(position[0] / spacing) * spacing, floor(position[1] / spacing) * spacing
-
-    def _integrate(self, beams: Beams, sensor: Pose) -> None:
-        """Add a scan to the log-odds; one that cannot be is dropped."""
-        if not isinstance(self._cells, LogOddsGrid):
-            mapping = self._config.mapping
-            self._cells = LogOddsGrid(mapping.resolution, self._near_anchor(sensor.position), self._config.sensing)
+    def _use_beams(self, beams: Beams, sensor: Pose) -> None:
+        """Add a scan to the map; one that cannot be is dropped."""
         try:
-            self._cells.integrate(beams, sensor)
-            self._integrated += 1
+            self._survey.add_beams(beams, sensor)
         except MappingError as error:
-            with self._intake_lock:
-                self._intake.drop("scan refused", str(error))
-
-    def _use_octomap(self, octomap: OctoMap, sensor: tuple[float, float, float]) -> None:
-        changed = octomap.columns.take_changes()
-        if changed is None:
-            return
-        mapping = self._config.mapping
-        if self._cells is None:
-            self._cells = MeasuredGrid(mapping.resolution, self._near_anchor(sensor[:2]))
-        columns = octomap.columns
-        (x, y), voxel = columns.origin, columns.resolution
-        top, bottom, left, right = changed
-        part = (x + left * voxel, y + top * voxel, x + (right + 1) * voxel, y + (bottom + 1) * voxel)
-        grid = SlamGrid(columns.states, voxel, (x, y, 0.0))
-        self._cells.write(*resample(grid, self._config.sensing, mapping.resolution, self._cells.anchor, part))
-
-    def _placed_grid(self) -> SlamGrid | None:
-        """Return the map that came, in the map frame; None while there is none, or its frame is not known."""
-        if self._grid_pending is None:
-            return None
-        grid, frame = self._grid_pending
-        place = self._intake.world(frame)
-        if place is None:
-            self._intake.note(
-                f"an OccupancyGrid is in the frame {frame!r}, and TF has no transform to {self._config.frames.map!r} "
-                f"yet: publish it, or set frames.map={frame}"
-            )
-            return None
-        self._grid_pending = None
-        corner = (place @ Transform.planar(*grid.origin)).pose
-        # What is not moved keeps its numbers: cells on the corners of the SLAM's own need no resampling.
-        return grid if place == Transform() else replace(grid, origin=(corner.x, corner.y, corner.yaw))
+            self._drop("scan refused", error)
 
     def _use_grid(self, grid: SlamGrid) -> None:
         """Take a SLAM map; one that is no map leaves the last one in place."""
-        mapping, sensing = self._config.mapping, self._config.sensing
-        strange = strangeness(grid.cells, sensing)
+        strange = strangeness(grid.cells, self._config.sensing)
         if strange:
             with self._intake_lock:
-                self._intake.warn(strange)
+                self._intake.messages.warn(strange)
         try:
-            grid.check()
-            if self._cells is None:
-                # Cells on the corners of the SLAM's own need no resampling where the sizes agree.
-                anchor = grid.origin[:2] if abs(grid.origin[2]) < 1e-6 else self._near_anchor(grid.origin[:2])
-                self._cells = MeasuredGrid(mapping.resolution, anchor)
-            self._cells.replace(*resample(grid, sensing, mapping.resolution, self._cells.anchor))
-            self._integrated += 1
+            self._survey.take_map(grid)
         except MappingError as error:
-            with self._intake_lock:
-                self._intake.drop("grid refused", str(error))
+            self._drop("grid refused", error)
+
+    def _drop(self, reason: str, error: MappingError) -> None:
+        with self._intake_lock:
+            self._intake.messages.drop(reason, str(error))

@@ -42,9 +42,9 @@ def test_a_scan_without_a_pose_is_dropped_and_says_why():
     for k in range(5):
         intake.add_scan(5.0 + k * 0.15, SCAN, "")
         intake.resolve()
-    assert intake.dropped["no pose"] == 3
+    assert intake.messages.dropped["no pose"] == 3
     assert intake.waiting == 2
-    assert "same clock" in intake.problem
+    assert "same clock" in intake.messages.problem
     assert not intake.ready
 
 
@@ -63,14 +63,14 @@ def test_queues_are_bounded():
     for k in range(3 * MAX_WAITING):
         intake.add_scan(k / 1000, SCAN, "")
     assert intake.waiting == MAX_WAITING
-    assert intake.dropped["queue full"] == 2 * MAX_WAITING
+    assert intake.messages.dropped["queue full"] == 2 * MAX_WAITING
     intake = make_intake()
     for k in range(3 * MAX_READY):
         drive(intake, k / 20, k / 20)
         intake.add_scan(k / 20, SCAN, "")
         intake.resolve()
     assert len(intake.ready) == MAX_READY
-    assert intake.dropped["map not refreshed"] == 2 * MAX_READY
+    assert intake.messages.dropped["map not refreshed"] == 2 * MAX_READY
 
 
 def test_a_recording_played_again_goes_on():
@@ -99,7 +99,7 @@ def test_a_clock_set_back_places_no_scan_where_the_robot_was(back):
         if intake.ready:
             assert intake.ready.pop()[1].x == pytest.approx(x, abs=0.06)
     assert intake.pose.x == x
-    assert "set back" in intake.problem
+    assert "set back" in intake.messages.problem
 
 
 def test_a_scan_that_comes_again_is_no_evidence():
@@ -109,7 +109,7 @@ def test_a_scan_that_comes_again_is_no_evidence():
         intake.add_scan(0.5, SCAN, "")
         intake.resolve()
     assert len(intake.ready) == 1
-    assert intake.dropped["scan outdated"] == 4
+    assert intake.messages.dropped["scan outdated"] == 4
 
 
 def test_the_sensors_place_on_the_base_by_configuration_and_by_tf():
@@ -132,7 +132,7 @@ def test_frames_without_end_are_not_remembered():
     drive(intake, 0.0, 1.0)
     for number in range(1500):
         intake.add_scan(0.5, SCAN, f"frame {number}")
-    assert intake.dropped["too many frames"] > 0
+    assert intake.messages.dropped["too many frames"] > 0
     assert intake.waiting <= MAX_WAITING
 
 
@@ -186,7 +186,7 @@ def test_a_frame_that_never_comes_delays_the_first_seconds_alone():
                 assert not intake.ready
     assert intake.waiting == 0
     assert intake.obstacles()[0] == pytest.approx([14.5, 0.0])
-    assert intake.dropped == {}
+    assert intake.messages.dropped == {}
 
 
 @pytest.mark.parametrize("frame", ["map", "sensor"])
@@ -230,5 +230,5 @@ def test_messages_that_are_none_are_counted():
     intake.add_scan(1.0, Scan(SCAN.ranges, 0.0, 0.1, 0.0), "")
     intake.add_points(1.0, np.zeros((3, 2), dtype=np.float32), "")
     intake.add_transforms([(1.0, "map", "odom", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))], False)
-    assert sum(intake.dropped.values()) == 5
+    assert sum(intake.messages.dropped.values()) == 5
     assert intake.obstacles() is None
