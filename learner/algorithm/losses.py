@@ -12,7 +12,7 @@ from torch.nn import functional
 
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyOutput
-from common.network.segment import segment_argmax, segment_logsumexp, segment_sum
+from common.network.segment import segment_logsumexp, segment_sum
 from learner.algorithm.whole import mean
 
 _LARGEST_LOG_RATIO = 5.0
@@ -118,60 +118,3 @@ def temperature_loss(log_alpha: Tensor, entropy: Tensor, choices: Tensor, fracti
     """
     goal = fraction * choices.clamp(min=1).float().log()
     return mean(log_alpha.exp() * (entropy.detach() - goal), choices > 1)
-
-
-def triplets(
-    scores: Tensor, best: Tensor, chance: Tensor, owner: Tensor, segments: int
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Choose anchor, positive and negative of every observation (Algorithm 2).
-
-    Args:
-        scores: the policy's probability of each choice, shape (items,); its best is the anchor.
-        best: the value of each choice by the (target) Q network; its best is the positive.
-        chance: random numbers in [0, 1), shape (items,); the largest among the other choices is the negative.
-        owner: observation of each choice, shape (items,).
-        segments: number k of observations.
-
-    Returns:
-        Indices of anchor, positive and negative, and whether the observation takes part, shape (k,) each. Those with
-        fewer than three choices do not, and their indices mean nothing (but are valid).
-    """
-    items = len(scores)
-    size = segment_sum(torch.ones_like(owner), owner, segments)
-    anchor = segment_argmax(scores, owner, segments).clamp(max=max(items - 1, 0))
-    positive = segment_argmax(best, owner, segments).clamp(max=max(items - 1, 0))
-    index = torch.arange(items, device=owner.device)
-    taken = (index == anchor.index_select(0, owner)) | (index == positive.index_select(0, owner))
-    others = torch.where(taken, torch.full_like(chance, -1.0), chance)
-    negative = segment_argmax(others, owner, segments).clamp(max=max(items - 1, 0))
-    return anchor, positive, negative, size >= 3
-
-
-def triplet_loss(
-    features: Tensor, anchor: Tensor, positive: Tensor, negative: Tensor, valid: Tensor, margin: float
-) -> Tensor:
-    """Mean of max(0, |f_â − f_a⁺| − |f_â − f_a⁻| + m) over the valid triplets (Algorithm 2); 0 without one.
-
-    Features are compared as unit vectors, so that the margin means the same for every width; distances are Euclidean.
-
-    Args:
-        features: decoded features, shape (items, d).
-        anchor: item of each triplet's anchor, shape (k,).
-        positive: item of its positive, shape (k,).
-        negative: item of its negative, shape (k,).
-        valid: triplets that count, bool, shape (k,).
-        margin: m.
-    """
-    if features.shape[0] == 0:
-        return mean(features.sum(1), valid[:0])
-    unit = functional.normalize(features.float(), dim=1)
-    here = unit.index_select(0, anchor)
-    near = _distance(here, unit.index_select(0, positive))
-    far = _distance(here, unit.index_select(0, negative))
-    hinge = functional.relu(near - far + margin)
-    return mean(hinge, valid)
-
-
-def _distance(a: Tensor, b: Tensor) -> Tensor:
-    """Euclidean distance of rows; the small term keeps its gradient finite where they are equal."""
-    return ((a - b).square().sum(1) + 1e-12).sqrt()

@@ -20,15 +20,15 @@ from common.errors import CheckpointError
 from common.network.factory import make_policy_network
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyOutput
-from common.network.segment import segment_sum
 from common.network.state import load_arrays, to_arrays
 from learner.algorithm.augment import augment
 from learner.algorithm.auxiliary import AuxiliaryHeads
 from learner.algorithm.base import NotFiniteError, RanksError
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.cloning import Guidance, cloning_loss
+from learner.algorithm.contrastive import contrastive_loss
 from learner.algorithm.device import wants_bf16
-from learner.algorithm.losses import entropies, triplet_loss, triplets, waypoint_marginal
+from learner.algorithm.losses import entropies
 from learner.algorithm.optimisers import Optimiser, blend, scheduled_rate
 from learner.algorithm.sample import Sample, make_graphs
 from learner.algorithm.teachers import Teachers
@@ -253,23 +253,7 @@ class PolicyLearner(ABC):
 
     def _contrast(self, batch: GraphBatch, output: PolicyOutput, q: Tensor) -> Tensor:
         """Contrastive joint optimisation (Algorithm 2) with the values q of all pairs as the judge."""
-        config = self.config.contrastive
-        assert output.waypoint_features is not None, "the contrastive loss is for the variant `hdplanner` alone"
-        chance = self._chance(len(batch.waypoint_rows))
-        with torch.no_grad():
-            ones = torch.ones_like(q)
-            probability = waypoint_marginal(output.log_waypoint.exp(), output, batch)
-            weight = waypoint_marginal(ones, output, batch)
-            value = waypoint_marginal(q, output, batch) / weight.clamp(min=1e-12)
-            chosen = triplets(probability, value, chance, batch.waypoint_graph, len(batch))
-        loss = triplet_loss(output.waypoint_features, *chosen, config.margin)
-        if config.beacons and output.beacon_features is not None:
-            chance = self._chance(len(batch.beacon_rows))
-            with torch.no_grad():
-                worth = segment_sum(output.log_waypoint.exp() * q, batch.pair_beacon, len(batch.beacon_rows))
-                chosen = triplets(output.log_beacon, worth, chance, batch.beacon_graph, len(batch))
-            loss = loss + triplet_loss(output.beacon_features, *chosen, config.margin)
-        return loss
+        return contrastive_loss(output, batch, q, self.config.contrastive, self._chance)
 
     # --- batches that nothing can be learnt from -----------------------------------------------------------------
 
