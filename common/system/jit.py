@@ -34,6 +34,7 @@ from typing import Any
 
 import numba
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.types import unliteral
 
 from common.system.kernel_cache import KernelCache
 
@@ -172,8 +173,11 @@ def _compile_in_one_process(kernel: Any, folder: Path) -> None:
 
     def compile_once(signature: Any) -> Any:
         _leave_scipy_out()
-        if isinstance(signature, tuple) and signature in kernel.overloads:
-            return compile_now(signature)
+        if isinstance(signature, tuple):
+            # A kernel that calls this one with a constant would have it compiled once more, for that constant alone.
+            signature = tuple(unliteral(each) for each in signature)
+            if signature in kernel.overloads:
+                return compile_now(signature)
         # numba's lock first: whoever waits for another process keeps this one's threads from waiting for each other.
         main = threading.current_thread() is threading.main_thread()
         held = _held_signals if main else contextlib.nullcontext()

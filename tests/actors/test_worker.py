@@ -102,7 +102,7 @@ def test_a_learner_that_comes_back_is_served_again_and_a_new_configuration_taken
             assert first.wait_for(lambda: len(first.chunks()) >= 2)
             old = first.deliveries[0].incarnation
         assert not running.stop.wait(1.0)
-        with LearnerEnd(port, task={"max_steps": 3}, network={"width": 16, "heads": 4, "layers": 2}) as second:
+        with LearnerEnd(port, task={"max_steps": 3}, network={"width": 16, "heads": 2, "layers": 2}) as second:
 
             def begun_anew() -> list[Chunk]:
                 bodies = [delivery.body for delivery in second.deliveries if delivery.incarnation != old]

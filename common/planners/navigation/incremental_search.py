@@ -67,7 +67,7 @@ def _remove(
     last = scalars[_SIZE]
     if place != last:
         key = np.array([keys[last, 0], keys[last, 1]])
-        _settle(keys, nodes, where, last, place, key, nodes[last])
+        _settle(keys, nodes, where, last, np.int64(place), key, nodes[last])
 
 
 @njit(cache=True, nogil=True)
@@ -105,7 +105,7 @@ def _update_vertex(
             _remove(keys, nodes, where, scalars, node)
         return
     _key(key, cost, scalars[_MODIFIER], x, y, start, node)
-    place = where[node]
+    place = np.int64(where[node])
     if place < 0:
         place = scalars[_SIZE]
         scalars[_SIZE] += 1
@@ -150,7 +150,7 @@ def _search(
     key = np.empty(2, dtype=np.int64)
     start_key = np.empty(2, dtype=np.int64)
     while scalars[_SIZE]:
-        _key(start_key, cost, scalars[_MODIFIER], x, y, start, start)
+        _key(start_key, cost, scalars[_MODIFIER], x, y, start, np.int32(start))
         if not (_less(keys[0], start_key) or cost[start, 1] > cost[start, 0]):
             break
         u = nodes[0]

@@ -23,7 +23,7 @@ from common.observations.observation import ObservationBatch
 from common.policies.policy import Policy
 from tests.observations import random_batch, random_observation
 
-SIZES = {"width": 16, "heads": 4, "layers": 2, "feedforward": 2}
+SIZES = {"width": 16, "heads": 2, "layers": 2, "feedforward": 2}
 CONFIGS = {
     "ariadne": NetworkConfig(variant="ariadne", features="ariadne", **SIZES),
     "ca": NetworkConfig(variant="ca", features="ca", graph="reduced", **SIZES),

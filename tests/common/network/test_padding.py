@@ -12,7 +12,7 @@ from tests.observations import random_batch
 
 
 def small(variant: str = "hdplanner") -> NetworkConfig:
-    return NetworkConfig(variant=variant, width=16, heads=4, layers=2, feedforward=2)
+    return NetworkConfig(variant=variant, width=16, heads=2, layers=2, feedforward=2)
 
 
 @pytest.fixture

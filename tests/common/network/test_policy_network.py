@@ -31,7 +31,7 @@ HEADS = (1, 4, 16)
 
 
 def small(variant: str = "hdplanner", **changes: object) -> NetworkConfig:
-    return NetworkConfig(**{"variant": variant, "width": 16, "heads": 4, "layers": 2, "feedforward": 2, **changes})
+    return NetworkConfig(**{"variant": variant, "width": 16, "heads": 2, "layers": 2, "feedforward": 2, **changes})
 
 
 def gradients(module: torch.nn.Module) -> dict[str, torch.Tensor]:
@@ -149,7 +149,7 @@ def test_parameter_shapes_describe_the_network(variant: str) -> None:
 
 
 def test_bf16_autocast_stays_close() -> None:
-    config = small(width=32)
+    config = small()
     network = make_policy_network(config)
     batch = GraphBatch.from_observations(random_batch(np.random.default_rng(5), 4), config)
     with torch.autocast("cpu", dtype=torch.bfloat16):

@@ -18,7 +18,7 @@ from common.observations.observation import Observation, ObservationBatch
 from common.policies.policy import Policy
 from tests.observations import observations, random_observation
 
-CONFIG = NetworkConfig(width=16, heads=4, layers=2)
+CONFIG = NetworkConfig(width=16, heads=2, layers=2)
 
 
 @settings(max_examples=30, deadline=None)
@@ -58,7 +58,7 @@ def test_draws_follow_the_probabilities() -> None:
 
 def test_vanilla_reports_the_nearest_beacon() -> None:
     observation = random_observation(np.random.default_rng(7), 40)
-    policy = Policy.from_config(NetworkConfig(width=16, heads=4, layers=1, variant="vanilla"))
+    policy = Policy.from_config(NetworkConfig(width=16, heads=2, layers=1, variant="vanilla"))
     decision = policy.decide(observation, greedy=False, rng=np.random.default_rng(0))
     distance = np.hypot(*observation.steps.T)
     assert distance[decision.beacon] == distance[observation.beacon_nodes()].min()

@@ -23,7 +23,7 @@ PPO = ["algorithm=ppo", "reward.kind=potential", "ppo.value_only_updates=0"]
 
 
 def config(preset: str, *overrides: str) -> RunConfig:
-    small = ["network.width=16", "network.heads=4", "network.layers=1"]
+    small = ["network.width=16", "network.heads=2", "network.layers=1"]
     small += ["learner.precision=fp32", "adam.policy=0.01"]
     return load_config(overrides=[*small, *overrides], preset=preset)
 

@@ -18,7 +18,7 @@ from tests.observations import random_batch
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 4), variant=st.sampled_from(["vanilla", "hdplanner"]))
 def test_equals_dense_implementation(seed: int, count: int, variant: str) -> None:
     torch.manual_seed(seed)
-    config = NetworkConfig(variant=variant, width=16, heads=4, layers=2, feedforward=2)
+    config = NetworkConfig(variant=variant, width=16, heads=2, layers=2, feedforward=2)
     critic = HierarchicalCritic(config)
     observations = random_batch(np.random.default_rng(seed), count, (2, 25))
     batch = GraphBatch.from_observations(observations, config)

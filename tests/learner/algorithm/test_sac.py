@@ -24,7 +24,7 @@ CPU = torch.device("cpu")
 
 def config(**changes: object) -> RunConfig:
     tree: dict[str, object] = {
-        "network": {"width": 16, "heads": 4, "layers": 1, "variant": "hdplanner"},
+        "network": {"width": 16, "heads": 2, "layers": 1, "variant": "hdplanner"},
         "learner": {"total_updates": 100},
         "sac": {"target_interval": 3},
     }
@@ -127,18 +127,18 @@ def test_a_state_that_does_not_fit_is_refused() -> None:
 
 
 def test_imitation_learns_the_cheap_waypoints() -> None:
-    setting = config(cloning={"updates": 1000, "learning_rate": 3e-3}, network={"width": 32})
+    setting = config(cloning={"updates": 1000, "learning_rate": 3e-3})
     learner = SacLearner(setting, CPU)
     batch = batches(6, 1, labelled=1.0)[0]
-    costs = [learner.update(batch)["cloning/expected_cost"] for _ in range(60)]
+    costs = [learner.update(batch)["cloning/expected_cost"] for _ in range(20)]
     assert costs[-1] < 0.5 * costs[0]
 
 
 def test_critics_learn_the_reward_of_terminal_transitions() -> None:
-    setting = config(adam={"critic": 3e-3}, network={"width": 32}, learner={"augment": False})
+    setting = config(adam={"critic": 3e-3}, learner={"augment": False})
     learner = SacLearner(setting, CPU)
     batch = replace(batches(7, 1)[0], terminal=np.ones(6, np.bool_), next_valid=np.ones(6, np.bool_))
-    losses = [learner.update(batch)["loss/critic"] for _ in range(60)]
+    losses = [learner.update(batch)["loss/critic"] for _ in range(20)]
     assert losses[-1] < 0.1 * losses[0]
 
 
@@ -181,14 +181,14 @@ PRIVILEGED = {"sac": {"privileged_critic": True}, "reward": {"kind": "potential"
 
 def test_a_privileged_critic_begins_with_the_experts_view() -> None:
     """With networks that say 0, the policy already descends what the expert tells, whatever the rewards were."""
-    setting = config(**PRIVILEGED, adam={"policy": 3e-3}, network={"width": 32})
+    setting = config(**PRIVILEGED, adam={"policy": 3e-3})
     learner = SacLearner(setting, CPU)
     for head in (learner.critic.first, learner.critic.second):
         torch.nn.init.zeros_(head.value.weight)
         torch.nn.init.zeros_(head.value.bias)
     silent = replace(batches(6, 1, labelled=1.0)[0], terminal=np.zeros(6, np.bool_), next_valid=np.zeros(6, np.bool_))
     before = cheapness(learner, silent)
-    for _ in range(40):
+    for _ in range(20):
         learner.update(silent)
     assert cheapness(learner, silent) < 0.6 * before
 

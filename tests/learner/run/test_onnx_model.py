@@ -28,17 +28,17 @@ pytest.importorskip("onnxruntime")
 
 CONFIGS = {
     f"{variant}-{features}-{graph}": NetworkConfig(
-        variant=variant, features=features, graph=graph, toward=graph == "tokens", width=32, heads=4, layers=2
+        variant=variant, features=features, graph=graph, toward=graph == "tokens", width=16, heads=2, layers=2
     )
     for variant in ("vanilla", "hierarchical", "hdplanner")
     for features, graph in (("paper", "full"), ("extended", "full"), ("extended", "reduced"), ("guided", "tokens"))
 } | {
-    name: NetworkConfig(variant=name, features=features, graph=graph, width=32, heads=4, layers=2)
+    name: NetworkConfig(variant=name, features=features, graph=graph, width=16, heads=2, layers=2)
     for name, features, graph in (("ariadne", "ariadne", "full"), ("ca", "ca", "reduced"), ("cnn", "paper", "full"))
 }
-CONFIGS["beacon-attention"] = NetworkConfig(width=32, heads=4, layers=1, graph="reduced", beacon_attention=2)
-CONFIGS["belief-map"] = NetworkConfig(width=32, heads=4, layers=1, graph="reduced", belief_map=True)
-CONFIGS["detours"] = NetworkConfig(width=32, heads=4, layers=1, toward=True, detours=True)
+CONFIGS["beacon-attention"] = NetworkConfig(width=16, heads=2, layers=1, graph="reduced", beacon_attention=2)
+CONFIGS["belief-map"] = NetworkConfig(width=16, heads=2, layers=1, graph="reduced", belief_map=True)
+CONFIGS["detours"] = NetworkConfig(width=16, heads=2, layers=1, toward=True, detours=True)
 
 
 def trained(config: NetworkConfig) -> dict[str, np.ndarray]:
