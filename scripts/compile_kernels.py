@@ -36,7 +36,7 @@ def deciding() -> None:
     planners = []
     for task in ("exploration", "navigation"):
         planners += [(planner, task) for planner in _planners(task)]
-    config = DeployConfig()
+    config = DeployConfig.model_validate({"driving": {"enabled": True}})
     warm_up_bridge(config, planners)
     warm_up_actor(NetworkConfig(features="guided", graph="reduced"))
 

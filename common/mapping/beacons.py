@@ -79,15 +79,30 @@ def nearest_in_line(
         reach: farthest distance, subcells.
         most: how many at most; of equally far ones those with the lower numbers.
     """
-    nodes = np.empty(len(x), dtype=np.int64)
-    distances = np.empty(len(x), dtype=np.int64)
+    # The nearest so far, nearest first. Sorting by numpy's functions would take five seconds to compile.
+    nodes = np.empty(most + 1, dtype=np.int64)
+    distances = np.empty(most + 1, dtype=np.int64)
     found = 0
     for node in range(len(x)):
         dx, dy = x[node] - target_x, y[node] - target_y
         distance = dx * dx + dy * dy
-        if distance <= reach * reach and blocker(cells, width, target_x, target_y, x[node], y[node]) == CLEAR:
-            nodes[found] = node
-            distances[found] = distance
-            found += 1
-    order = np.argsort(distances[:found], kind="mergesort")[:most]
-    return np.sort(nodes[:found][order])
+        if distance > reach * reach or (found == most and distance >= distances[found - 1]):
+            continue
+        if blocker(cells, width, target_x, target_y, x[node], y[node]) != CLEAR:
+            continue
+        place = found
+        while place > 0 and distances[place - 1] > distance:
+            nodes[place], distances[place] = nodes[place - 1], distances[place - 1]
+            place -= 1
+        nodes[place], distances[place] = node, distance
+        found = min(found + 1, most)
+    taken = np.zeros(len(x), dtype=np.bool_)
+    for k in range(found):
+        taken[nodes[k]] = True
+    ascending = np.empty(found, dtype=np.int64)
+    size = 0
+    for node in range(len(x)):
+        if taken[node]:
+            ascending[size] = node
+            size += 1
+    return ascending

@@ -13,6 +13,7 @@ from common.mapping.clearance import near_spans
 from common.mapping.passages import any_near, count_wall, update_passages
 from common.mapping.sight import FREE, OCCUPIED, UNKNOWN, Box
 from common.mapping.squares import Layout, mark
+from common.system.copies import copy_values
 from common.system.jit import njit
 
 # Unknown cells among its eight neighbours that make a free cell a frontier.
@@ -126,7 +127,7 @@ def _merge(flat: NDArray[np.int64], added: NDArray[np.int32], removed: NDArray[n
         else:
             merged[size] = cell
             size += 1
-    merged[size:] = added[a:]
+    copy_values(merged[size:], added[a:])
     return merged
 
 

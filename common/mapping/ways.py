@@ -128,7 +128,7 @@ def way_inside(
     for k in range(len(way)):
         points[k + 1, 0], points[k + 1, 1] = cell_middle(way[k], width)
     corners = np.empty((count, 2), dtype=np.int64)
-    corners[0] = points[0]
+    corners[0, 0], corners[0, 1] = points[0, 0], points[0, 1]
     size = 1
     at = 0
     while at < count - 1:
@@ -143,7 +143,7 @@ def way_inside(
                 points[reached + 1, 0] - points[reached, 0] == dx and points[reached + 1, 1] - points[reached, 1] == dy
             ):
                 reached += 1
-        corners[size] = points[reached]
+        corners[size, 0], corners[size, 1] = points[reached, 0], points[reached, 1]
         if points[reached, 0] != points[at, 0] or points[reached, 1] != points[at, 1]:
             size += 1
         at = reached

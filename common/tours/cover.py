@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from common.system.copies import copy_values
 from common.system.jit import njit
 from common.tours.local_search import GAIN, improve_tour, insert_all
 from common.tours.sighting import count_bits, count_seen, count_unseen, popcount, recount, remove_seen, seen_by_one
@@ -220,7 +221,7 @@ def take_along(
     """
     tour = np.empty(len(stops) + len(allowed), dtype=np.int64)
     size = len(stops)
-    tour[:size] = stops
+    copy_values(tour, stops)
     remove_seen(pointer, tile, mask, stops, extra)
     while size < len(tour):
         best, best_value, where = -1, 0.0, 0

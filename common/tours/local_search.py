@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from common.system.copies import copy_values
 from common.system.jit import njit
 
 GAIN = 1e-3
@@ -45,7 +46,7 @@ def insert_all(
 ) -> NDArray[np.int64]:
     """Return the tour with all of ``new`` inserted, one after the other, each where it lengthens the tour least."""
     tour = np.empty(len(stops) + len(new), dtype=np.int64)
-    tour[: len(stops)] = stops
+    copy_values(tour, stops)
     for k in range(len(new)):
         insert_cheapest(distances, start, tour, len(stops) + k, new[k])
     return tour
@@ -154,9 +155,9 @@ def _or_opt(distances: NDArray[np.float32], start: int, stops: NDArray[np.int64]
                 continue
             for k in range(length):
                 segment[k] = stops[i + length - 1 - k] if turned else stops[i + k]
-            stops[:where] = rest[:where]
-            stops[where : where + length] = segment[:length]
-            stops[where + length :] = rest[where : n - length]
+            copy_values(stops, rest[:where])
+            copy_values(stops[where:], segment[:length])
+            copy_values(stops[where + length :], rest[where : n - length])
             _legs(distances, start, stops, legs)
             changed = True
     return changed

@@ -15,6 +15,7 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from common.system.copies import copy_values
 from common.system.jit import njit
 
 
@@ -116,7 +117,7 @@ def recount_kept(
     once: NDArray[np.uint64],
 ) -> None:
     """Write which cells the stops that were not dropped see, together with ``seen``."""
-    once[:] = seen
+    copy_values(once, seen)
     for s in range(len(stops)):
         if not dropped[s]:
             for k in range(pointer[stops[s]], pointer[stops[s] + 1]):

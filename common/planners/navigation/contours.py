@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.mapping.sight import OCCUPIED, Box
+from common.system.copies import copy_rows, copy_values
 from common.system.jit import njit
 
 # Steps of the headings east, north, west and south.
@@ -57,13 +58,13 @@ def _trace(
                 heading = (heading + turn) % 4
                 if count == len(corners):
                     more = np.empty((2 * count, 2), dtype=np.int32)
-                    more[:count] = corners
+                    copy_rows(more, corners)
                     corners = more
                 corners[count, 0], corners[count, 1] = x, y
                 count += 1
         if contours == len(ends):
             longer = np.empty(2 * contours, dtype=np.int64)
-            longer[:contours] = ends
+            copy_values(longer, ends)
             ends = longer
         ends[contours] = count
         contours += 1

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from common.system.copies import copy_values
 from common.system.heap import pop, push
 from common.system.jit import njit
 
@@ -109,8 +110,8 @@ def _a_star(
                 room *= 2
                 more_keys = np.empty(room, dtype=np.int64)
                 more_nodes = np.empty(room, dtype=np.int32)
-                more_keys[:size] = keys
-                more_nodes[:size] = nodes
+                copy_values(more_keys, keys)
+                copy_values(more_nodes, nodes)
                 keys, nodes = more_keys, more_nodes
             size = push(keys, nodes, size, further + heuristic[there], there)
     return total, last, before, expanded

@@ -14,6 +14,7 @@ from common.mapping.renewal import Pairs, Touches
 from common.mapping.sight import CLEAR, FREE, blocker
 from common.mapping.squares import Layout
 from common.planners.navigation.graph_search import NO_WAY, find_place, straight_length
+from common.system.copies import copy_rows
 from common.system.jit import njit
 
 Place = tuple[int, int]
@@ -114,7 +115,7 @@ def links_between(
                     ):
                         if count == len(links):
                             more = np.empty((2 * count, 2), dtype=np.int32)
-                            more[:count] = links
+                            copy_rows(more, links)
                             links = more
                         links[count, 0], links[count, 1] = vertex, there
                         count += 1
