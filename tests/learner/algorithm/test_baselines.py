@@ -73,7 +73,7 @@ def test_what_earns_more_becomes_more_likely(preset: str) -> None:
         return float(policy.decide(observation, greedy=True, rng=rng).waypoint_probabilities[best])
 
     before = probability()
-    for _ in range(60):
+    for _ in range(25):
         learner.update(transitions)
     assert probability() > max(2.0 * before, 0.5)
 

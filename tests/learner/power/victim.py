@@ -21,7 +21,7 @@ from learner.run.folder import RunFolder
 from learner.run.journal import Journal
 from tests.learner.runs import episodes, make_trainer, small_config, train_some
 
-EPISODES = 60
+EPISODES = 30
 CONFIG = small_config(replay={"capacity": 150}, journal={"sync_seconds": 0.01}, learner={"publish_every": 2})
 
 
