@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from common.system.copies import copy_values
 from common.system.jit import njit
 from common.tours.sighting import popcount
 
@@ -58,7 +59,7 @@ def drive(
         Metres, infinite when given up, with penalties when the tour leaves too much unseen; the number of stops that
         were used; whether enough was seen.
     """
-    rest[:] = missing
+    copy_values(rest, missing)
     length = 0.0
     at = start
     for s in range(size):
@@ -101,7 +102,7 @@ def _propose(
 ) -> int:
     """Write a random change of the first `size` stops into `out`; return the new number of stops."""
     kind = np.random.random()
-    out[:size] = stops[:size]
+    copy_values(out, stops[:size])
     if kind < 0.2 and size > 1:
         # Turn a part of the tour round.
         i = np.random.randint(size)
@@ -207,7 +208,7 @@ def anneal(
     size = len(initial)
     tour = np.empty(max(MAX_STOPS, MAX_GROWTH * size), dtype=np.int64)
     other = np.empty_like(tour)
-    tour[:size] = initial
+    copy_values(tour, initial)
     cost, used, done = drive(
         pointer, tile, mask, distances, hops, start, tour, size, missing, left, tolerance, penalty, np.inf, rest,
         passed, stamp,

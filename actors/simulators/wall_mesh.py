@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
+from common.system.copies import copy_rows
 from common.system.jit import njit
 
 LONGEST_FACE = 16.0
@@ -93,7 +94,7 @@ def _border_runs(free: NDArray[np.bool_], longest: int) -> NDArray[np.int64]:
     """
     rows, columns = free.shape
     padded = np.zeros((rows + 2, columns + 1), dtype=np.bool_)
-    padded[1:-1, :-1] = free
+    copy_rows(padded[1:], free)
     runs = np.empty((256, 4), dtype=np.int64)
     count = 0
     for line in range(rows + 1):
@@ -110,7 +111,7 @@ def _border_runs(free: NDArray[np.bool_], longest: int) -> NDArray[np.int64]:
                 if open_sign != 0:
                     if count == len(runs):
                         larger = np.empty((2 * count, 4), dtype=np.int64)
-                        larger[:count] = runs
+                        copy_rows(larger, runs)
                         runs = larger
                     runs[count] = (line, first, column, open_sign)
                     count += 1

@@ -16,6 +16,7 @@ from common.mapping.raycast import SUBCELL_BITS, cell_middle
 from common.mapping.sight import CLEAR, FREE, Box, blocker, may_touch
 from common.mapping.squares import Layout
 from common.mapping.thinning import Blocks, block_at, list_block
+from common.system.copies import copy_values
 from common.system.jit import njit
 
 IN_SIGHT: Final = CLEAR
@@ -50,8 +51,8 @@ def copy_pairs(old: Pairs, new: Pairs, used: int) -> None:
     for slot in range(used):
         count = old.filled[slot]
         new.cell[slot], new.weight[slot], new.filled[slot] = old.cell[slot], old.weight[slot], count
-        new.piece[slot, :count] = old.piece[slot, :count]
-        new.state[slot, :count] = old.state[slot, :count]
+        copy_values(new.piece[slot], old.piece[slot, :count])
+        copy_values(new.state[slot], old.state[slot, :count])
 
 
 @njit(cache=True, nogil=True)
@@ -116,8 +117,8 @@ def _regroup(
             if slot != used:
                 count = pairs.filled[used]
                 pairs.filled[slot] = count
-                pairs.piece[slot, :count] = pairs.piece[used, :count]
-                pairs.state[slot, :count] = pairs.state[used, :count]
+                copy_values(pairs.piece[slot], pairs.piece[used, :count])
+                copy_values(pairs.state[slot], pairs.state[used, :count])
                 pairs.cell[slot] = pairs.cell[used]
                 pairs.weight[slot] = pairs.weight[used]
                 slots[block_at(blocks, pairs.cell[slot], width)] = slot

@@ -175,7 +175,7 @@ def _compile_in_one_process(kernel: Any, folder: Path) -> None:
         _leave_scipy_out()
         if isinstance(signature, tuple):
             # A kernel that calls this one with a constant would have it compiled once more, for that constant alone.
-            signature = tuple(unliteral(each) for each in signature)
+            signature = tuple(unliteral(each) for each in signature)  # type: ignore[no-untyped-call]
             if signature in kernel.overloads:
                 return compile_now(signature)
         # numba's lock first: whoever waits for another process keeps this one's threads from waiting for each other.

@@ -126,8 +126,10 @@ def _or_opt(distances: NDArray[np.float32], start: int, stops: NDArray[np.int64]
             # No gap takes the segment for less than nothing, as path lengths obey the triangle inequality.
             if not saved > GAIN:
                 continue
-            rest[:i], rest_legs[:i] = stops[:i], legs[:i]
-            rest[i : n - length], rest_legs[i : n - length] = stops[i + length :], legs[i + length :]
+            copy_values(rest, stops[:i])
+            copy_values(rest_legs, legs[:i])
+            copy_values(rest[i:], stops[i + length : n])
+            copy_values(rest_legs[i:], legs[i + length : n])
             from_head, from_tail = distances[head], distances[tail]
             span = from_head[tail]
             best = GAIN

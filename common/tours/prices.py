@@ -112,7 +112,8 @@ def price_choices(
         tour = np.flatnonzero(~dropped)
         improve_tour(table, n + c, tour)
         sizes[c] = len(tour)
-        orders[c, : len(tour)] = stops[tour]
+        for k in range(len(tour)):
+            orders[c, k] = stops[tour[k]]
         lengths[c] = tour_length(table, n + c, tour)
     return lengths
 

@@ -19,6 +19,7 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.mapping.sight import FREE
 from common.planners.base import Plan, Position, Status
+from common.system.copies import copy_values
 from common.system.jit import njit
 from deploy.bridge.cell_way import centre_of, nearest_way
 
@@ -133,7 +134,7 @@ def _steps_from(cells: NDArray[np.int8], width: int, sources: NDArray[np.int64],
     """Return how many steps over free cells each cell is from the nearest source, -1 for more than ``most``."""
     steps = np.full(len(cells), -1, dtype=np.int16)
     queue = np.empty(len(cells), dtype=np.int64)
-    queue[: len(sources)] = sources
+    copy_values(queue, sources)
     steps[sources] = 0
     head, tail = 0, len(sources)
     while head < tail:

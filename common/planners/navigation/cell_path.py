@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from common.mapping.clearance import passable
 from common.mapping.raycast import SUBCELL_BITS, SUBCELLS
 from common.mapping.sight import CLEAR, blocker
+from common.system.copies import copy_values
 from common.system.heap import pop, push
 from common.system.jit import njit
 
@@ -72,7 +73,8 @@ def _cells_between(clear: NDArray[np.int8], start: int, goal: int) -> NDArray[np
             room *= 2
             more_keys = np.empty(room, dtype=np.float32)
             more_items = np.empty(room, dtype=np.int32)
-            more_keys[:size], more_items[:size] = keys[:size], items[:size]
+            copy_values(more_keys, keys[:size])
+            copy_values(more_items, items[:size])
             keys, items = more_keys, more_items
         for down in (-width, 0, width):
             for across in (-1, 0, 1):
@@ -120,7 +122,7 @@ def _corners(clear: NDArray[np.int8], way: NDArray[np.int32]) -> NDArray[np.int6
         points[k, 0] = ((way[k] % width) << SUBCELL_BITS) + SUBCELLS // 2
         points[k, 1] = ((way[k] // width) << SUBCELL_BITS) + SUBCELLS // 2
     corners = np.empty((count, 2), dtype=np.int64)
-    corners[0] = points[0]
+    corners[0, 0], corners[0, 1] = points[0, 0], points[0, 1]
     size = 1
     at = 0
     while at < count - 1:
@@ -135,7 +137,7 @@ def _corners(clear: NDArray[np.int8], way: NDArray[np.int32]) -> NDArray[np.int6
             step = way[reached] - way[at]
             while reached < count - 1 and way[reached + 1] - way[reached] == step:
                 reached += 1
-        corners[size] = points[reached]
+        corners[size, 0], corners[size, 1] = points[reached, 0], points[reached, 1]
         size += 1
         at = reached
     return corners[:size].copy()

@@ -147,7 +147,10 @@ def _convex(corners: NDArray[np.int32], ends: NDArray[np.int64], tolerance: floa
             arrived_x, arrived_y = np.int64(corner[0]) - before[0], np.int64(corner[1]) - before[1]
             leaves_x, leaves_y = np.int64(after[0]) - corner[0], np.int64(after[1]) - corner[1]
             if arrived_x * leaves_y - arrived_y * leaves_x > 0:
-                found[count, 0:2], found[count, 2:4], found[count, 4:6] = corner, before, after
+                for axis in range(2):
+                    found[count, axis] = corner[axis]
+                    found[count, 2 + axis] = before[axis]
+                    found[count, 4 + axis] = after[axis]
                 count += 1
     return found[:count].copy()
 
