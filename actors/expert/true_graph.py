@@ -15,6 +15,7 @@ from common.geometry import Pose
 from common.mapping.distances import shortest_paths
 from common.mapping.mapper import Mapper
 from common.mapping.sight import OCCUPIED
+from common.system.copies import copy_values
 from common.system.jit import njit
 
 # Rounding must not keep an edge that a viewpoint lies on, metres.
@@ -51,7 +52,7 @@ def _all_distances(
     n = len(pointer) - 1
     distances = np.empty((n, n), dtype=np.float32)
     for node in range(n):
-        distances[node] = shortest_paths(pointer, neighbours, lengths, node, -1)[0]
+        copy_values(distances[node], shortest_paths(pointer, neighbours, lengths, node, -1)[0])
     return distances
 
 

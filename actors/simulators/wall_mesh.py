@@ -113,7 +113,8 @@ def _border_runs(free: NDArray[np.bool_], longest: int) -> NDArray[np.int64]:
                         larger = np.empty((2 * count, 4), dtype=np.int64)
                         copy_rows(larger, runs)
                         runs = larger
-                    runs[count] = (line, first, column, open_sign)
+                    runs[count, 0], runs[count, 1] = line, first
+                    runs[count, 2], runs[count, 3] = column, open_sign
                     count += 1
                 first, open_sign = column, sign
     return runs[:count]
