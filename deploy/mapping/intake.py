@@ -155,7 +155,7 @@ class Intake:
                 if self._ordered(f"transform of {child}", moment) is Order.SET_BACK:
                     self._tree.add(moment, parent, child, translation, rotation)
                 self._tick(moment)
-        self.note(self._tree.contested)
+        self.messages.note(self._tree.contested)
         if self._by_tf and not self._connected:
             self._connected = self._placing.newest_pose is not None
             if np.isfinite(self._clock):
