@@ -50,10 +50,10 @@ class CoveringTourPlanner(ViewpointPlanner):
     - Remainders wait: clusters of fewer frontier cells than `min_frontier`, and viewpoints that could show less than
       `min_gain` of unknown area. Most of them are slivers along walls and behind furniture that hold nothing or so
       little that an exploration is complete without them. They are taken along where they lie on the way, at most
-      `detour` each; else in a large building one returns for them in the end. Then those from where at least
-      `min_hidden` of unknown area can be in sight come first: a door that was only seen at a slant is a few cells, and
-      the room behind it must not wait for a tour of all slivers. What is left when nothing else is, is toured like the
-      rest.
+      `detour` each; else in a large building one returns for them in the end. Then clusters of at least `min_door`
+      cells come first, from viewpoints from where at least `min_hidden` of unknown area can be in sight: a door that
+      was only seen at a slant is a few cells, and the room behind it must not wait for a tour of all slivers. What is
+      left when nothing else is, is seen in one tour.
     - Where the floor opens into the unknown on many sides, as between the shelves of a warehouse, the robot drives to
       the nearest frontier instead (see `NearestPlanner`). A tour would look a few metres into each aisle and come back,
       again and again, for what is seen on the way through the next one. With more than `most_openings` on 100 m2 of
@@ -74,6 +74,7 @@ class CoveringTourPlanner(ViewpointPlanner):
         min_remainder: float = 0.5,
         min_gain: float = 4.0,
         min_hidden: float = 8.0,
+        min_door: int = 3,
         detour: float = 2.0,
         most_openings: float = 3.0,
     ) -> None:
@@ -90,6 +91,8 @@ class CoveringTourPlanner(ViewpointPlanner):
             min_gain: a viewpoint from where less unknown area can be in sight waits, square metres.
             min_hidden: of what waits, viewpoints from where so much unknown area can be in sight come before the
                 others, square metres.
+            min_door: they do so for clusters of so many frontier cells. Smaller ones are gaps in walls: much unknown
+                area is in sight through these, too, but nobody can drive there.
             detour: metres that a stop for what waits may add to the tour.
             most_openings: with more openings on 100 m2 of known floor than this the nearest frontier is driven to.
 
@@ -104,6 +107,7 @@ class CoveringTourPlanner(ViewpointPlanner):
             ("min_remainder", min_remainder),
             ("min_gain", min_gain),
             ("min_hidden", min_hidden),
+            ("min_door", min_door),
             ("detour", detour),
             ("most_openings", most_openings),
         ):
@@ -114,6 +118,7 @@ class CoveringTourPlanner(ViewpointPlanner):
         self._min_remainder = min_remainder / config.resolution
         self._min_gain = min_gain
         self._min_hidden = min_hidden
+        self._min_door = min_door
         self._detour = detour
         self._most_openings = most_openings
         self._nearest = NearestPlanner(config)
@@ -167,8 +172,8 @@ class CoveringTourPlanner(ViewpointPlanner):
 
         def stages() -> Iterator[tuple[SightRows, NDArray[np.bool_], NDArray[np.bool_]]]:
             yield near, self._rewarding(mapper, near, frontiers, large, allowed, self._min_gain), large
-            yield near, self._rewarding(mapper, near, frontiers, every, allowed, self._min_hidden), every
-            yield near, allowed, large
+            doors = sizes >= self._min_door
+            yield near, self._rewarding(mapper, near, frontiers, doors, allowed, self._min_hidden), doors
             yield near, allowed, every
             yield (pointer, seen), allowed, every
 

@@ -68,6 +68,11 @@ def test_of_what_waits_the_room_behind_a_narrow_gap_comes_before_the_slivers() -
     assert _first_decision(28, min_frontier=1000, min_hidden=1000.0, detour=0.0) == pytest.approx((0.0, 4.0))
 
 
+def test_a_gap_that_is_too_small_for_a_door_is_seen_in_passing_however_much_it_could_hide() -> None:
+    beside = _first_decision(28, min_frontier=1000, min_hidden=150.0, min_door=1000, detour=0.0)
+    assert beside == pytest.approx((0.0, 4.0))
+
+
 def test_what_waits_is_explored_in_the_end() -> None:
     planner = make_planner("tour", CONFIG, min_frontier=48, min_gain=300.0, detour=0.0)
     episode = explore(planner, HALL, CONFIG, unseen_area=-1.0)
@@ -111,7 +116,8 @@ def test_aisles_are_passed_and_not_looked_into_one_by_one() -> None:
 
 
 @pytest.mark.parametrize(
-    "setting", ["cover_range", "min_frontier", "min_remainder", "min_gain", "detour", "most_openings"]
+    "setting",
+    ["cover_range", "min_frontier", "min_remainder", "min_gain", "min_hidden", "min_door", "detour", "most_openings"],
 )
 @pytest.mark.parametrize("value", [-1.0, np.nan])
 def test_settings_that_do_not_work_are_refused(setting: str, value: float) -> None:
