@@ -64,7 +64,7 @@ def test_a_process_is_terminated_with_its_parent():
 
 
 HUNG_UP = """
-import fcntl, sys, termios, threading
+import fcntl, sys, termios, threading, time
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 from common.system.entry import ended_by_signals
 with ended_by_signals():
@@ -73,12 +73,15 @@ with ended_by_signals():
         stop = threading.Event()
         with stopping_signals(stop.set, stop.is_set):
             print("runs", flush=True)
-            stop.wait(60.0)
+            # Short waits: a signal just before a long one would be heard at its end only.
+            while not stop.wait(0.05):
+                pass
         print("ends", flush=True)
     else:
         print("runs", flush=True)
         try:
-            threading.Event().wait(60.0)
+            while True:
+                time.sleep(0.05)
         finally:
             print("clears away", flush=True)
 """

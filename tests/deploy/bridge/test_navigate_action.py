@@ -6,8 +6,9 @@ import uuid
 import pytest
 
 from common.bus.control import request
+from common.geometry import Pose
 from deploy.ros2 import QoS, message
-from deploy.ros2.conversions import Pose, pose_stamped
+from deploy.ros2.conversions import pose_stamped
 from tests.common.bus.processes import eventually
 from tests.common.planners.worlds import ARMS
 from tests.deploy.bridge.robots import FakeRobot, network, running_bridge
