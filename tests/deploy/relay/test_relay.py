@@ -13,6 +13,7 @@ from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 from std_msgs.msg import Bool, String
 
+from common.geometry import Pose
 from deploy.relay.made_types import made_class
 from deploy.relay.relay import Relay
 from deploy.ros2 import LATCHED as OUR_LATCHED
@@ -96,7 +97,7 @@ def test_transforms_come_though_no_package_defines_their_type(domain):
         found = []
         bridge.subscribe("/tf_static", kind, lambda tree, how: found.extend(conversions.transforms_from(tree)), STATIC)
         broadcaster = base.create_publisher(made_class(kind, "kilted"), "/tf_static", LATCHED)
-        mount = conversions.transform(1.0, "base_link", "laser", conversions.Pose(0.25, 0.0, 0.0), 0.5)
+        mount = conversions.transform(1.0, "base_link", "laser", Pose(0.25, 0.0, 0.0), 0.5)
         broadcaster.publish(serialize(conversions.transform_message([mount]), kind))
         assert eventually(lambda: found)
         assert found[0][1:4] == ("base_link", "laser", (0.25, 0.0, 0.5))
