@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from fnmatch import fnmatchcase
 
 from common.system.closing import Closing
-from common.system.steady_time import steady_time_ns
 from deploy.network_config import RosConfig
 from deploy.recording.errors import RecordingError
 from deploy.recording.writer import BagWriter
@@ -147,11 +146,9 @@ class BagRecorder(Closing):
             log.info("recording %s (%s)", name, kind)
 
     def _store(self, name: str, kind: str, channel: int, payload: bytes, received: Received) -> None:
-        # A clock that is set meanwhile must not tear the recording apart.
-        arrival = steady_time_ns(received.time)
         try:
-            self._bag.write(channel, payload, arrival, received.source_time, received.sequence or 0)
+            self._bag.write(channel, payload, received.wall_time, received.source_time, received.sequence or 0)
         except RecordingError as error:
             self._broken = error
         if self._listener is not None:
-            self._listener(name, kind, payload, arrival)
+            self._listener(name, kind, payload, received.wall_time)

@@ -6,7 +6,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import zenoh
@@ -14,6 +14,7 @@ import zenoh.ext
 
 from common.bus.session import reason
 from common.system.closing import Closing
+from common.system.steady_time import steady_time_ns
 from deploy.ros2.dispatch import Dispatcher, Inbox
 from deploy.ros2.errors import RosError
 from deploy.ros2.keys import Attachment
@@ -32,7 +33,7 @@ class Received:
 
     Attributes:
         time: arrival, `time.monotonic()` seconds; for timeouts.
-        wall_time: arrival, nanoseconds since 1970; for recordings.
+        wall_time: the same in nanoseconds since 1970, steady where the clock is set meanwhile; for recordings.
         size: of the payload, bytes.
         source_time: when it was published, nanoseconds since 1970, as the sender's clock tells; None in layouts
             without attachments.
@@ -155,7 +156,7 @@ class Subscription(Closing):
         self._callback = callback
         self._raw = raw
         self._closed = False
-        self._inbox: Inbox[tuple[zenoh.Sample, float, int]] = Inbox(dispatcher, endpoint.qos.depth, self._deliver)
+        self._inbox: Inbox[tuple[zenoh.Sample, float]] = Inbox(dispatcher, endpoint.qos.depth, self._deliver)
         self._subscriber = _declare_subscriber(session, endpoint, self._arrived)
         self._token = session.liveliness().declare_token(endpoint.token)
 
@@ -174,15 +175,15 @@ class Subscription(Closing):
         self._subscriber.undeclare()
 
     def _arrived(self, sample: zenoh.Sample) -> None:
-        self._inbox.put((sample, time.monotonic(), time.time_ns()))
+        self._inbox.put((sample, time.monotonic()))
 
-    def _deliver(self, item: tuple[zenoh.Sample, float, int]) -> None:
-        sample, arrival, wall_time = item
+    def _deliver(self, item: tuple[zenoh.Sample, float]) -> None:
+        sample, arrival = item
         payload = sample.payload.to_bytes()
         note = None if sample.attachment is None else Attachment.unpack(sample.attachment.to_bytes())
-        how = Received(arrival, wall_time, len(payload))
+        how = Received(arrival, steady_time_ns(arrival), len(payload))
         if note is not None:
-            how = Received(arrival, wall_time, len(payload), note.time, note.sequence, note.gid)
+            how = replace(how, source_time=note.time, sequence=note.sequence, publisher=note.gid)
         try:
             message = payload if self._raw else deserialize(payload, self.kind, self._endpoint.distro)
             self._callback(message, how)
