@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 from actors.options import ActorOptions
+from common.system.kernel_folders import forget_old_caches, is_prepared, note_prepared
 from common.system.printable import printable
 from common.system.reaper import Reaper
 from common.system.runtime import process_environment, python_module
@@ -62,11 +63,17 @@ class Running(Protocol):
 
 
 def compile_kernels(network: str | None) -> None:
-    """Compile the kernels in one process, before several actors start: a fresh install takes a minute for it.
+    """Compile the kernels in one process, before several actors start, unless that was done before.
+
+    A fresh install takes a minute for it.
 
     Args:
         network: the run's `NetworkConfig` as JSON, None if it is not known yet.
     """
+    use = f"actors {network}"
+    if is_prepared("actors", use):
+        forget_old_caches()
+        return
     log.info("preparing the kernels")
     with Reaper() as reaper:
         subprocess.run(
@@ -75,6 +82,7 @@ def compile_kernels(network: str | None) -> None:
             check=True,
             process_group=reaper.group(),
         )
+    note_prepared("actors", use)
 
 
 class Launcher(Protocol):

@@ -28,7 +28,7 @@ from common.messages.experience import Chunk, Delivery
 from common.messages.schema import encode
 from common.planners.reference import ReferenceRoute
 from common.policies.policy import Policy
-from common.system.jit import forget_old_caches
+from common.system.kernel_folders import forget_old_caches
 from common.system.logs import setup_logging
 from common.tasks import BOTH
 

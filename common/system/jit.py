@@ -17,10 +17,8 @@ import contextlib
 import fcntl
 import functools
 import gc
-import hashlib
 import logging
 import os
-import shutil
 import signal
 import sys
 import threading
@@ -37,12 +35,10 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.types import unliteral
 
 from common.system.kernel_cache import KernelCache
+from common.system.kernel_folders import cache_folder
 
 log = logging.getLogger(__name__)
 
-_SOURCES = Path(__file__).parents[2]
-_MARK = b"import njit"
-_FORGET_SECONDS = 7 * 86400.0
 _SAY_SECONDS = 10.0
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -63,37 +59,6 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
         return kernel
 
     return decorate
-
-
-@functools.cache
-def cache_folder(package: str) -> Path:
-    """Folder of a package's compiled kernels for the sources as they are now."""
-    digest = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
-    for name in sorted({"common", package}):
-        for path in sorted((_SOURCES / name).rglob("*.py")):
-            text = path.read_bytes()
-            if _MARK in text:
-                digest.update(str(path).encode() + text)
-    return _caches() / f"{package}-{digest.hexdigest()}"
-
-
-def kernels_are_compiled(package: str) -> bool:
-    """Tell whether kernels of a package were compiled before, for the sources as they are now."""
-    folder = Path(os.environ.get("NUMBA_CACHE_DIR") or cache_folder(package))
-    return any(folder.rglob("*.nbc"))
-
-
-def forget_old_caches() -> None:
-    """Delete caches that nobody has used for a week; call it where kernels are warmed up."""
-    current = {cache_folder(package) for package in ("common", "actors", "learner", "deploy")}
-    # A folder that cannot be written to keeps what it has, and another process may be forgetting at the same time.
-    with contextlib.suppress(OSError):
-        for folder in current:
-            folder.mkdir(parents=True, exist_ok=True)
-            os.utime(folder)
-        for folder in _caches().iterdir():
-            if folder not in current and time.time() - folder.stat().st_mtime > _FORGET_SECONDS:
-                shutil.rmtree(folder, ignore_errors=True)
 
 
 class _Progress:
@@ -251,12 +216,3 @@ def _claims(folder: Path) -> int:
     """Return the descriptor of a cache's file of locks, one byte a kernel; it stays open as long as the process."""
     folder.mkdir(parents=True, exist_ok=True)
     return os.open(folder / "compiling", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-
-
-def _caches() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME")
-    try:
-        return (Path(base) if base else Path.home() / ".cache") / "hdplanner" / "kernels"
-    except RuntimeError:
-        # A user whom the system does not know, as in many containers, has no home unless the environment names one.
-        return Path("/.cache/hdplanner/kernels")

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
 from typing import TYPE_CHECKING, Final, Self, TypeVar
 
+from common.system.kernel_folders import kernels_are_compiled
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import TaskID
@@ -108,8 +110,5 @@ def duration(seconds: float) -> str:
 
 def tell_of_kernels(console: Console, *packages: str) -> None:
     """Say that the first run compiles kernels, where these packages have none compiled yet."""
-    # numba takes half a second to import, which help texts and errors need not wait for.
-    from common.system.jit import kernels_are_compiled
-
     if not all(kernels_are_compiled(package) for package in packages):
         console.print("preparing compiled kernels for the first time: a minute or two", highlight=False)

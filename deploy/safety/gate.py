@@ -18,7 +18,7 @@ from deploy.config import DeployConfig
 from deploy.network_config import RosConfig
 from deploy.ros2 import Node
 from deploy.safety.channel import Channel
-from deploy.safety.gate_state import GateMode, GateState
+from deploy.safety.gate_state import GateMode, GateState, emergency_reason
 from deploy.safety.output import VelocityOutput
 from deploy.safety.rules import STOP_ALL
 
@@ -173,13 +173,19 @@ class VelocityGate(Closing):
     @property
     def latched(self) -> bool:
         """Whether the emergency stop is latched: by this end, or as the watchdog said last."""
-        return bool(self._latched) or self._state.emergency_stop
+        return self.state.emergency_stop
 
     @property
     def state(self) -> GateState:
-        """What the watchdog said last; `alive` is false while it is dead or silent."""
+        """What the watchdog said last; `alive` is false while it is dead or silent.
+
+        A stop that was latched here counts at once: the watchdog needs a moment to say so.
+        """
         with self._lock:
             state, age = self._state, time.monotonic() - self._heard
+        latched = self._latched
+        if latched and not state.emergency_stop:
+            state = replace(state, mode=GateMode.EMERGENCY_STOP, reason=emergency_reason(latched), emergency_stop=True)
         if state.alive and age > _SILENT:
             return replace(state, alive=False, reason="the watchdog does not answer")
         return state

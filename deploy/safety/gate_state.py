@@ -31,6 +31,11 @@ class GateMode(StrEnum):
     """The bridge's commands pass, or, when the robot's own stack drives, nothing is sent."""
 
 
+def emergency_reason(reason: str) -> str:
+    """Return in words for the operator why the emergency stop is latched."""
+    return f"emergency stop ({reason}) until it is released"
+
+
 @dataclass(frozen=True, slots=True)
 class GateState:
     """The state of the watchdog.

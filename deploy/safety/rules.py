@@ -8,7 +8,7 @@ from math import isfinite
 from typing import Final
 
 from deploy.config import SafetyConfig
-from deploy.safety.gate_state import GateMode
+from deploy.safety.gate_state import GateMode, emergency_reason
 from deploy.safety.takeover import Takeover
 
 STOP_ALL: Final = 2
@@ -156,7 +156,7 @@ class GateRules:
     def _fault(self, now: float) -> tuple[GateMode, str] | None:
         config = self._config
         if self._emergency:
-            return GateMode.EMERGENCY_STOP, f"emergency stop ({self._emergency}) until it is released"
+            return GateMode.EMERGENCY_STOP, emergency_reason(self._emergency)
         if self._takeover.active(now):
             return GateMode.OVERRIDDEN, "an operator moves the sticks"
         if self._gone is not None:

@@ -135,7 +135,8 @@ import builtins, errno, logging, os, sys
 from pathlib import Path
 logging.basicConfig(format="%(message)s", stream=sys.stdout)
 from common.system import kernel_cache
-from common.system.jit import forget_old_caches, njit
+from common.system.jit import njit
+from common.system.kernel_folders import cache_folder, forget_old_caches
 
 def twice(x):
     return 2 * x
@@ -166,8 +167,7 @@ os.utime = refusing(os.utime, lambda *_: True)
 call()
 # Below a file no folder can be made.
 os.environ["XDG_CACHE_HOME"] = "file"
-from common.system import jit
-jit.cache_folder.cache_clear()
+cache_folder.cache_clear()
 call()
 """
 

@@ -12,6 +12,7 @@ from deploy.network_config import RosConfig
 from deploy.ros2 import Node
 from deploy.safety.channel import Channel
 from deploy.safety.gate import SafetyError, VelocityGate, WatchdogProcess, behind_watchdog
+from deploy.safety.gate_state import GateMode
 from tests.common.bus.processes import eventually, free_port
 
 
@@ -111,6 +112,22 @@ def test_a_process_that_was_started_before_is_the_watchdog_and_does_nothing_unti
     with WatchdogProcess() as unused:
         pass
     assert unused.process.returncode is not None
+
+
+def test_a_stop_is_told_from_the_moment_it_is_latched_and_not_only_when_the_watchdog_says_so():
+    config = DeployConfig(ros=RosConfig(listen=(f"tcp/127.0.0.1:{free_port()}",), connect=()))
+    with VelocityGate(config) as gate:
+        os.kill(gate.pid, signal.SIGSTOP)
+        assert not gate.state.emergency_stop
+        gate.emergency_stop("smoke in the hall")
+        assert gate.latched
+        assert gate.state.emergency_stop
+        assert gate.state.mode is GateMode.EMERGENCY_STOP
+        assert gate.state.reason == "emergency stop (smoke in the hall) until it is released"
+        os.kill(gate.pid, signal.SIGCONT)
+        gate.release()
+        assert eventually(lambda: not gate.latched, 10.0)
+        assert gate.state.mode is not GateMode.EMERGENCY_STOP
 
 
 def test_a_bridge_that_cannot_publish_still_replaces_a_dead_watchdog():
