@@ -26,8 +26,10 @@ help:  ## show the targets
 
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
 
+# The pip that CPython 3.11 brings along takes twice as long for what follows.
 $(BIN)/pip:
 	$(PYTHON) -m venv $(VENV)
+	@$(PIP_INSTALL) --upgrade pip || echo 'pip could not be updated: installing takes longer'
 
 # In two parts: while the second one is downloaded and unpacked, kernels can be compiled.
 $(PACKAGES): pyproject.toml constraints.txt | $(BIN)/pip
@@ -86,14 +88,14 @@ ros-environment: | $(BIN)/pip
 	fi
 
 test-ros: $(STAMP) ros-environment  ## the relay against real ROS 2 (rclpy, Fast DDS); skipped with a message where there are no wheels
-	@if [ -e $(ROS_STAMP) ]; then $(ROS_VENV)/bin/python -m pytest -n 0 -m 'not slow' tests/deploy/relay; \
+	@if [ -e $(ROS_STAMP) ]; then $(ROS_VENV)/bin/python -m pytest $(PARALLEL) -m 'not slow' tests/deploy/relay; \
 	else echo "test-ros: SKIPPED, the package registry has no ROS 2 for this Python and platform"; fi
 
 lint: $(STAMP)  ## style, format, spelling, docstrings against signatures
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/codespell
-	$(BIN)/flake8 common actors learner deploy hdplanner benchmarks scripts examples
+	$(BIN)/python scripts/check_docstrings.py common actors learner deploy hdplanner benchmarks scripts examples
 
 types: $(STAMP)  ## static types
 	$(BIN)/mypy
