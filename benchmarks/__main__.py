@@ -47,6 +47,7 @@ class Part:
 
 
 PARTS: Final[Mapping[str, Part]] = {
+    "machine": Part("the machine itself, without this project", short={"repeats": 1}),
     "decision_step": Part(
         "belief, frontiers, graph, utility, beacons, observation: one decision on one core",
         short={"source": _SMALL_WORLDS, "worlds": 1},

@@ -8,13 +8,13 @@ import hashlib
 import os
 import shutil
 import time
-from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
 _SOURCES: Final = Path(__file__).parents[2]
 _COMPILER: Final = Path(__file__).with_name("jit.py")
-_MARK: Final = b"import njit"
+# In two parts, for this module has no kernels.
+_MARK: Final = b"import " + b"njit"
 _PACKAGES: Final = ("common", "actors", "learner", "deploy")
 _FORGET_SECONDS: Final = 7 * 86400.0
 
@@ -22,6 +22,8 @@ _FORGET_SECONDS: Final = 7 * 86400.0
 @functools.cache
 def cache_folder(package: str) -> Path:
     """Folder of a package's compiled kernels for the sources as they are now."""
+    from importlib.metadata import version
+
     digest = hashlib.blake2b(version("numba").encode(), digest_size=8)
     for name in sorted({"common", package}):
         for path in sorted((_SOURCES / name).rglob("*.py")):

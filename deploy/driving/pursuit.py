@@ -16,6 +16,8 @@ class PathTracker:
     """Remembers how far along a path the robot has come, so that a path that crosses itself or returns is no riddle."""
 
     _SEARCH = 2.0
+    # A path that leads less far away than this, metres, may come nearer behind the next corner.
+    _AWAY = 1e-6
 
     def __init__(self, path: Sequence[Position]) -> None:
         """Take a path of at least one position, metres."""
@@ -82,9 +84,9 @@ class PathTracker:
     def _first(self, x: float, y: float) -> tuple[float, float]:
         """Return metres along and beside of the nearest place before the first from which the path leads away."""
         aside, along = hypot(x - self._points[0, 0], y - self._points[0, 1]), 0.0
-        for index, end in enumerate(self._marks[1:]):
+        for index, (end_x, end_y) in enumerate(self._points[1:].tolist()):
             aside, along = min((aside, along), self._on_segment(index, x, y))
-            if along < end - 1e-9:
+            if hypot(x - end_x, y - end_y) > aside + self._AWAY:
                 break
         return along, aside
 

@@ -36,7 +36,13 @@ def told(process) -> str:
 def test_processes_share_what_one_compiles_and_a_change_of_a_called_kernel_reaches_its_callers(tmp_path):
     package = tmp_path / "common"
     (package / "system").mkdir(parents=True)
-    for name in ("__init__.py", "system/__init__.py", "system/jit.py", "system/kernel_cache.py"):
+    for name in (
+        "__init__.py",
+        "system/__init__.py",
+        "system/jit.py",
+        "system/kernel_cache.py",
+        "system/kernel_folders.py",
+    ):
         shutil.copy(ROOT / "common" / name, package / name)
     (package / "outer.py").write_text(OUTER)
     (package / "inner.py").write_text(INNER.format(1))

@@ -48,6 +48,10 @@ def test_a_part_of_the_path_beyond_a_loop_is_not_begun_with():
     assert aside < 0.25
 
 
+def test_a_path_that_hardly_leads_away_before_a_corner_is_followed_around_it():
+    assert PathTracker([(1, -1), (1, 0), (0, 0)]).advance(0.0, -1e-5) == (2.0, pytest.approx(1e-5))
+
+
 @given(
     st.lists(st.tuples(st.integers(-9, 9), st.integers(-9, 9)), min_size=1, max_size=6),
     st.floats(-9, 9),
@@ -61,8 +65,9 @@ def test_the_first_place_is_the_nearest_until_the_path_leads_away(points, x, y):
     assert np.hypot(px - x, py - y) == pytest.approx(aside, abs=1e-9)
     before = [path.point(mark) for mark in np.linspace(0.0, along, 200)]
     gaps = [np.hypot(px - x, py - y) for px, py in before]
-    assert np.all(np.diff(gaps) <= 1e-9)
-    px, py = path.point(min(along + 1e-4, path.length))
+    assert np.all(np.diff(gaps) <= 1e-6)
+    corners = np.cumsum(np.hypot(*np.diff(points, axis=0).T)) if len(points) > 1 else np.zeros(1)
+    px, py = path.point(next((mark for mark in corners if mark > along + 1e-6), path.length))
     assert np.hypot(px - x, py - y) >= aside - 1e-9
 
 
