@@ -72,7 +72,7 @@ PARTS: Final[Mapping[str, Part]] = {
             "size": 4,
             "episodes": 1,
             "networks": ["small"],
-            "ways": [("bf16_reduced", "bf16", "reduced")],
+            "ways": [("fp32_reduced", "fp32", "reduced")],
         },
     ),
     "device_updates": Part(

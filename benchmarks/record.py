@@ -33,14 +33,14 @@ RATIOS: Final[Mapping[str, tuple[str, str, str]]] = {
     "updates in bf16 over fp32, d 64": ("updates", "updates/small/bf16/sac_per_s", "updates/small/fp32/sac_per_s"),
     "updates on the reduced graph over the whole one, d 64": (
         "updates",
-        "updates/small/bf16_reduced/sac_per_s",
-        "updates/small/bf16/sac_per_s",
+        "updates/small/fp32_reduced/sac_per_s",
+        "updates/small/fp32/sac_per_s",
     ),
     "updates in bf16 over fp32, d 128": ("updates", "updates/paper/bf16/sac_per_s", "updates/paper/fp32/sac_per_s"),
     "updates on the reduced graph over the whole one, d 128": (
         "updates",
-        "updates/paper/bf16_reduced/sac_per_s",
-        "updates/paper/bf16/sac_per_s",
+        "updates/paper/fp32_reduced/sac_per_s",
+        "updates/paper/fp32/sac_per_s",
     ),
     "a scan of PyBullet over `grid`": ("simulators", "kinematic_scan_ms", "grid_scan_ms"),
     "decoding a chunk over encoding it": ("ingest", "decode_and_check_us", "encode_us"),
