@@ -3,10 +3,10 @@
 `python -m benchmarks.updates [--repeats N]`: for both sizes updates of soft actor-critic, proximal policy
 optimisation and imitation, in fp32 and bfloat16, on the whole graph and on the reduced one; bfloat16 on the reduced
 graph is how the shipped policies are trained. A processor without instructions for bfloat16 emulates it, which takes
-longer than all other parts together, so there it is left out. Times are processor seconds of one thread, so that other work on the machine
-takes little part; run it with OMP_NUM_THREADS=1 and the malloc settings of `common.system.runtime`. The dense figures
-are forward and backward of the policy alone: the padded, masked fp32 implementation of the tests against ours on the
-same batch.
+longer than all other parts together, so there it is left out. Times are processor seconds of one thread, so that
+other work on the machine takes little part; run it with OMP_NUM_THREADS=1 and the malloc settings of
+`common.system.runtime`. The dense figures are forward and backward of the policy alone: the padded, masked fp32
+implementation of the tests against ours on the same batch.
 """
 
 from __future__ import annotations
