@@ -89,7 +89,7 @@ PARTS: Final[Mapping[str, Part]] = {
     ),
     "page": Part(
         "the pages of a robot and of a training at 0, 1 and 10 browsers, and a control loop beside the first",
-        short=None,
+        short={"seconds": 1.0, "counts": [0, 1], "turns": 1, "actors": 1},
     ),
     "memory": Part("resident memory of each process of a run", None, None),
 }

@@ -24,6 +24,7 @@ import numpy as np
 import psutil
 import zenoh
 
+from benchmarks.children import child_environment
 from common.bus.keys import Keys
 from common.bus.session import new_incarnation, open_client_session
 from common.bus.spec import fetch_spec
@@ -31,7 +32,7 @@ from common.config import BusConfig
 from common.messages.experience import Chunk, Delivery, End, EpisodeReport
 from common.messages.replies import Ack
 from common.messages.schema import decode, encode
-from common.system.runtime import process_environment, python_module
+from common.system.runtime import python_module
 from tests.learner.experience import episode_chunks, episode_report, observation_pool
 from tests.rigs.learner import Learner
 
@@ -129,7 +130,7 @@ def run(
             crowd = [
                 subprocess.Popen(
                     [*python_module("benchmarks.crowd", "--be", f"crowd{number}"), "--orders", *orders],
-                    env=process_environment(threads=1),
+                    env=child_environment(),
                     stdout=subprocess.PIPE,
                     text=True,
                 )

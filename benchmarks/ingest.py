@@ -7,10 +7,10 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import numpy as np
 
+from benchmarks.children import child_environment
 from common.bus.experience import ExperienceSender, ExperienceServer
 from common.bus.session import new_incarnation, open_client_session, open_learner_session
 from common.bus.weights import WeightsPublisher, WeightsPuller
@@ -21,7 +21,7 @@ from common.messages.validation import check_observations
 from common.messages.weights import Weights
 from common.observations.index import neighbour_table
 from common.observations.observation import ObservationBatch
-from common.system.runtime import process_environment
+from common.system.runtime import python_module
 from tests.observations import random_observation
 
 STEPS = 16
@@ -116,12 +116,11 @@ def deliver(config: BusConfig, processes: int, chunks: int) -> tuple[float, floa
     """
     senders = [
         subprocess.Popen(
-            [sys.executable, "-m", "benchmarks.ingest", "send", config.listen, f"bench-{i}", str(chunks)],
+            python_module("benchmarks.ingest", "send", config.listen, f"bench-{i}", str(chunks)),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            # Found from any folder; the benchmarks are no part of what is installed.
-            env=process_environment(threads=1) | {"PYTHONPATH": str(Path(__file__).parents[1])},
+            env=child_environment(),
         )
         for i in range(processes)
     ]

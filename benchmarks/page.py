@@ -16,11 +16,13 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from benchmarks.children import child_environment
 from benchmarks.page_rigs import Run, Speaker
 from common.page.options import PageSettings
 from common.page.process import PageProcess
@@ -37,12 +39,21 @@ _SETTLE_SECONDS: Final = 2.0
 _ACTORS: Final = 16
 
 
-def run() -> dict[str, float]:
-    """Measure and return the figures by name."""
-    return {**_robots(), **_training()}
+def run(
+    seconds: float = SECONDS, counts: Sequence[int] = _COUNTS, turns: int = _TURNS, actors: int = _ACTORS
+) -> dict[str, float]:
+    """Measure and return the figures by name.
+
+    Args:
+        seconds: of each measurement.
+        counts: of browsers.
+        turns: of the loop without a page and beside one.
+        actors: of the training.
+    """
+    return {**_robots(seconds, counts, turns), **_training(seconds, counts, actors)}
 
 
-def _robots() -> dict[str, float]:
+def _robots(seconds: float, counts: Sequence[int], turns: int) -> dict[str, float]:
     endpoint = free_endpoint()
     config = load_deploy_config(None, ["ros.connect=", f"ros.listen={endpoint}"], profile="bare")
     speaker = Speaker(config)
@@ -51,27 +62,27 @@ def _robots() -> dict[str, float]:
     try:
         with start_robots_page(PageSettings(0), config) as page:
             time.sleep(_SETTLE_SECONDS)
-            for count in _COUNTS:
-                found |= _measure("robots", page, count, ["*"])
-        for _ in range(_TURNS):
+            for count in counts:
+                found |= _measure("robots", page, count, ["*"], seconds)
+        for _ in range(turns):
             speaker.late.clear()
-            time.sleep(SECONDS)
+            time.sleep(seconds)
             late["without a page"] += speaker.late
             with start_robots_page(PageSettings(0), config) as page:
                 time.sleep(_SETTLE_SECONDS)
                 speaker.late.clear()
-                _measure("robots", page, 10, ["*"])
+                _measure("robots", page, max(counts), ["*"], seconds)
                 late["with ten browsers"] += speaker.late
     finally:
         speaker.close()
-    for name, seconds in late.items():
+    for name, delays in late.items():
         for label, share in (("half", 0.5), ("95 %", 0.95)):
-            found[f"loop of 20 Hz {name}: {label} no later than, ms"] = 1e3 * float(np.quantile(seconds, share))
+            found[f"loop of 20 Hz {name}: {label} no later than, ms"] = 1e3 * float(np.quantile(delays, share))
     return found
 
 
-def _training() -> dict[str, float]:
-    training = Run(_ACTORS)
+def _training(seconds: float, counts: Sequence[int], actors: int) -> dict[str, float]:
+    training = Run(actors)
     found: dict[str, float] = {}
     channels = ["run", "status", "actors", "curve-*", "evaluations", "world/*", f"actor/{training.watched}/*"]
     try:
@@ -80,23 +91,25 @@ def _training() -> dict[str, float]:
             start_training_page(PageSettings(0), training.config, Path(folder)) as page,
         ):
             time.sleep(_SETTLE_SECONDS)
-            for count in _COUNTS:
-                found |= _measure("training", page, count, channels)
+            for count in counts:
+                found |= _measure("training", page, count, channels, seconds)
     finally:
         training.close()
     return found
 
 
-def _measure(name: str, page: PageProcess, count: int, channels: list[str]) -> dict[str, float]:
+def _measure(name: str, page: PageProcess, count: int, channels: list[str], seconds: float) -> dict[str, float]:
     """Return the share of a core that a page takes with so many browsers, and the kilobytes a second to each."""
     browsers = None
     if count:
-        orders = [page.address, str(count), str(SECONDS + 1.0), json.dumps(channels)]
-        browsers = subprocess.Popen(python_module("benchmarks.page", *orders), stdout=subprocess.PIPE, text=True)
+        orders = [page.address, str(count), str(seconds + 1.0), json.dumps(channels)]
+        browsers = subprocess.Popen(
+            python_module("benchmarks.page", *orders), stdout=subprocess.PIPE, text=True, env=child_environment()
+        )
         assert browsers.stdout is not None
         browsers.stdout.readline()
     before, began = _cpu(page.pid), time.monotonic()
-    time.sleep(SECONDS)
+    time.sleep(seconds)
     found = {f"{name}, {count} browsers: % of a core": 100.0 * (_cpu(page.pid) - before) / (time.monotonic() - began)}
     if browsers is not None:
         told, _ = browsers.communicate(timeout=60)

@@ -15,6 +15,7 @@ import time
 from pathlib import Path
 
 from actors.collector import Collector
+from benchmarks.children import child_environment
 from benchmarks.faults.processes import namespace
 from benchmarks.link import Link
 from common.bus.experience import ExperienceSender, ExperienceServer
@@ -97,7 +98,9 @@ def _measure(compression: bool, seconds: float) -> tuple[int, int]:
             python_module("learner", "router", "--listen", SITE, "--connect", line.endpoint, *settings),
             python_module("benchmarks.sites", "--be", "plain" if not compression else "compressed"),
         ]
-        far = [subprocess.Popen([*inside, *command], stderr=sys.stderr) for command in commands]
+        far = [
+            subprocess.Popen([*inside, *command], stderr=sys.stderr, env=child_environment()) for command in commands
+        ]
         try:
             end = time.monotonic() + START_SECONDS
             while stored[0] == 0:

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from benchmarks.children import ROOT, child_environment
 from benchmarks.faults.actors import RUN, Orders
 from benchmarks.link import Link
 from common.bus.control import request
@@ -20,12 +21,11 @@ from common.errors import BusError, HDError, MessageError
 from common.messages.experience import Chunk, Delivery
 from common.messages.schema import decode
 from common.system.closing import Closing
-from common.system.runtime import process_environment, python_module
+from common.system.runtime import python_module
 from learner.run.records import Found, RecordKind, scan, segment_paths
 from tests.rigs.disk import SmallDisk
 from tests.rigs.learner import SETTINGS, Learner
 
-ROOT = Path(__file__).parents[2]
 # A learner that is kept by nothing but faults: seldom an update, and no pause for actors that are ahead of it.
 RIG_SETTINGS = [
     *SETTINGS[:-1],
@@ -54,7 +54,7 @@ class Actors:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            env=process_environment(threads=1) | {"PYTHONPATH": str(ROOT)},
+            env=child_environment(),
         )
 
     def finish(self, seconds: float) -> dict[str, float]:

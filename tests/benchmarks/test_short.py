@@ -10,8 +10,8 @@ import torch
 from benchmarks.__main__ import PARTS
 from tests.actors.maps.images import paint
 
-# The learners that this one starts take half a minute, however little they do.
-SLOW = {"acknowledgement"}
+# The processes that these start take half a minute, however little they do.
+SLOW = {"acknowledgement", "page"}
 SHORT = [
     pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else [])
     for name, part in PARTS.items()
