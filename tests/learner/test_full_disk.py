@@ -75,7 +75,7 @@ def test_a_learner_holds_and_goes_on(small_disk, caplog):
             assert trainer.limiter.updates <= held + 1
             assert caplog.text.count("The learner pauses") == 1
             small_disk.empty()
-            until(lambda: trainer.state != "disk full")
+            until(lambda: trainer.state != "disk full" and "there is space on the disk again" in caplog.text)
             assert caplog.text.count("there is space on the disk again") == 1
             for delivery in refused:
                 trainer.ingest.store(delivery)
