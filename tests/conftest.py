@@ -1,8 +1,11 @@
 """What holds for all tests."""
 
+import contextlib
 import gc
+import logging
 import os
 
+import pytest
 from hypothesis import settings
 
 from tests.effort import THOROUGH
@@ -32,3 +35,27 @@ def pytest_collection_finish():
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 20)
+
+
+@contextlib.contextmanager
+def _own_logging():
+    """Give the root logger back as it was: a command that ran in this process leaves a handler of a closed stream."""
+    root = logging.getLogger()
+    handlers, level = root.handlers[:], root.level
+    try:
+        yield
+    finally:
+        root.handlers[:] = handlers
+        root.setLevel(level)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup():
+    with _own_logging():
+        return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call():
+    with _own_logging():
+        return (yield)
