@@ -1,6 +1,5 @@
 """What holds for all tests."""
 
-import contextlib
 import gc
 import logging
 import os
@@ -37,25 +36,13 @@ def pytest_collection_finish():
     gc.set_threshold(50_000, 20, 20)
 
 
-@contextlib.contextmanager
-def _own_logging():
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call():
     """Give the root logger back as it was: a command that ran in this process leaves a handler of a closed stream."""
     root = logging.getLogger()
     handlers, level = root.handlers[:], root.level
     try:
-        yield
+        return (yield)
     finally:
         root.handlers[:] = handlers
         root.setLevel(level)
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_setup():
-    with _own_logging():
-        return (yield)
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_call():
-    with _own_logging():
-        return (yield)
