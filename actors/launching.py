@@ -70,7 +70,7 @@ def compile_kernels(network: str | None) -> None:
     Args:
         network: the run's `NetworkConfig` as JSON, None if it is not known yet.
     """
-    use = f"actors {network}"
+    use = str(network)
     if is_prepared("actors", use):
         forget_old_caches()
         return

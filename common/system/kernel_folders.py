@@ -55,7 +55,12 @@ def forget_old_caches() -> None:
 def is_prepared(package: str, use: str) -> bool:
     """Tell whether a use of a package's kernels was noted as prepared, for these sources and this kind of processor."""
     # What a user's own folder holds may be of other sources.
-    return not os.environ.get("NUMBA_CACHE_DIR") and _note(package, use).exists()
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        return False
+    try:
+        return _note(package, use).exists()
+    except OSError:
+        return False
 
 
 def note_prepared(package: str, use: str) -> None:

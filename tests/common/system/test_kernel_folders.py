@@ -35,9 +35,10 @@ def test_a_folder_of_the_users_own_may_hold_kernels_of_other_sources(tmp_path, m
     assert not is_prepared("actors", "width 64")
 
 
-def test_a_place_that_takes_no_note_is_prepared_each_time(home, monkeypatch):
+@pytest.mark.parametrize("name", ["file", "x" * 300])
+def test_a_place_that_takes_no_note_is_prepared_each_time(home, monkeypatch, name):
     (home / "file").touch()
-    monkeypatch.setenv("XDG_CACHE_HOME", str(home / "file"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(home / name))
     cache_folder.cache_clear()
     note_prepared("actors", "width 64")
     assert not is_prepared("actors", "width 64")
