@@ -146,7 +146,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     console = output_console()
     load = os.getloadavg()[0]
     results: dict[str, dict[str, float]] = {}
-    record = Record.of(results, load, short=chosen.short)
     failed = False
     for name in chosen.parts or [name for name, part in PARTS.items() if part.short is not None or not chosen.short]:
         began = time.monotonic()
@@ -157,10 +156,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         results[name] = figures
         title = f"{name}: {PARTS[name].what} ({time.monotonic() - began:.0f} s, load {os.getloadavg()[0]:.1f})"
         _show(title, figures)
-        record = Record.of(results, load, short=chosen.short)
         # After each part: what was measured outlives a run that is broken off.
         if chosen.json:
-            record.write(chosen.json)
+            Record.of(results, load, short=chosen.short).write(chosen.json)
+    record = Record.of(results, load, short=chosen.short)
     if record.ratios:
         _show("ratios within this run", record.ratios)
     console.print(f"{record.machine}, commit {record.commit[:9]}")
