@@ -34,21 +34,26 @@ class Adjacency:
         return self.neighbours[self.pointer[node] : self.pointer[node + 1]]
 
 
+@njit(cache=True, nogil=True)
+def _number_all(pieces: Any, first_of: NDArray[np.int32], numbers: NDArray[np.int32]) -> int:
+    """Number all viewpoints row-major by square, then in the order of the pieces of a square; return how many."""
+    n = 0
+    for piece in first_of:
+        while piece >= 0:
+            if pieces[piece].exists:
+                numbers[piece] = n
+                n += 1
+            piece = pieces[piece].next
+    return n
+
+
 @njit(cache=True, nogil=True, inline="always")
-def _enter(
-    begin: NDArray[np.int64],
-    ends: NDArray[np.int32],
-    lengths: NDArray[np.float64],
-    bent: NDArray[np.bool_],
-    piece: int,
-    there: int,
-    length: float,
-    is_bent: bool,
-) -> None:
-    """Write an edge into the row of one of its ends."""
-    k = begin[piece]
-    ends[k], lengths[k], bent[k] = there, length, is_bent
-    begin[piece] = k + 1
+def _root(parent: NDArray[np.int32], node: int) -> int:
+    """Return the node that stands for all that are connected with one, and shorten the way there."""
+    while parent[node] != node:
+        parent[node] = parent[parent[node]]
+        node = parent[node]
+    return node
 
 
 @njit(cache=True, nogil=True)
@@ -87,85 +92,90 @@ def reach(
     """
     pair_count, pair_other, pair_state = pairs
     touch_count, touch_other, touch_length = touches
-    # Edges of all viewpoints, each twice.
-    begin = np.zeros(used + 1, dtype=np.int64)
-    for fill in range(2):
-        if fill:
-            total = np.int64(0)
-            for piece in range(used + 1):
-                degree = begin[piece]
-                begin[piece] = total
-                total += degree
-            ends = np.empty(total, dtype=np.int32)
-            lengths = np.empty(total)
-            bent = np.empty(total, dtype=np.bool_)
-        for piece in range(used):
-            if not pieces[piece].exists:
-                continue
-            for k in range(pair_count[piece]):
-                if pair_state[piece, k] == IN_LINE:
-                    there = pair_other[piece, k]
-                    if fill:
-                        dx = float(pieces[there].x - pieces[piece].x)
-                        dy = float(pieces[there].y - pieces[piece].y)
-                        length = np.sqrt(dx * dx + dy * dy) / SUBCELLS * resolution
-                        _enter(begin, ends, lengths, bent, piece, there, length, False)
-                        _enter(begin, ends, lengths, bent, there, piece, length, False)
-                    else:
-                        begin[piece] += 1
-                        begin[there] += 1
-            for side in range(2):
-                for k in range(touch_count[piece, side]):
-                    there = touch_other[piece, side, k]
-                    if pieces[there].exists and np.isfinite(touch_length[piece, side, k]):
-                        if fill:
-                            length = touch_length[piece, side, k] / SUBCELLS * resolution
-                            _enter(begin, ends, lengths, bent, piece, there, length, True)
-                            _enter(begin, ends, lengths, bent, there, piece, length, True)
-                        else:
-                            begin[piece] += 1
-                            begin[there] += 1
-    # Filling moved each beginning to the next one's place.
     numbers = np.full(used, -1, dtype=np.int32)
-    stack = np.empty(used, dtype=np.int32)
-    stack[0] = start
-    numbers[start] = 0
-    size = 1
-    n = 1
-    while size:
-        size -= 1
-        piece = stack[size]
-        for k in range(begin[piece - 1] if piece else 0, begin[piece]):
-            if numbers[ends[k]] < 0:
-                numbers[ends[k]] = 0
-                stack[size] = ends[k]
-                size += 1
-                n += 1
-    order = np.empty(n, dtype=np.int32)
-    at = 0
-    for square in range(len(first_of)):
-        piece = first_of[square]
+    every = _number_all(pieces, first_of, numbers)
+    most = 0
+    for piece in range(used):
+        if numbers[piece] >= 0:
+            most += pair_count[piece] + touch_count[piece, 0] + touch_count[piece, 1]
+    # Every edge stands with its end that comes first: listed in that order, and once.
+    low = np.empty(most, dtype=np.int32)
+    high = np.empty(most, dtype=np.int32)
+    far = np.empty(most)
+    bends = np.empty(most, dtype=np.bool_)
+    parent = np.arange(every).astype(np.int32)
+    edges = 0
+    for first in first_of:
+        piece = first
         while piece >= 0:
-            if numbers[piece] == 0:
-                order[at] = piece
-                at += 1
+            here = numbers[piece]
+            if here >= 0:
+                begin = edges
+                x, y = pieces[piece].x, pieces[piece].y
+                for k in range(pair_count[piece]):
+                    if pair_state[piece, k] == IN_LINE:
+                        there = pair_other[piece, k]
+                        dx, dy = float(pieces[there].x - x), float(pieces[there].y - y)
+                        high[edges], bends[edges] = numbers[there], False
+                        far[edges] = np.sqrt(dx * dx + dy * dy) / SUBCELLS * resolution
+                        edges += 1
+                for side in range(2):
+                    for k in range(touch_count[piece, side]):
+                        there = touch_other[piece, side, k]
+                        if numbers[there] >= 0 and np.isfinite(touch_length[piece, side, k]):
+                            high[edges], bends[edges] = numbers[there], True
+                            far[edges] = touch_length[piece, side, k] / SUBCELLS * resolution
+                            edges += 1
+                root = _root(parent, here)
+                for e in range(begin, edges):
+                    low[e] = here
+                    other = _root(parent, high[e])
+                    parent[max(root, other)] = root = min(root, other)
             piece = pieces[piece].next
-    for node in range(n):
-        numbers[order[node]] = node
+
+    # The lowest of connected nodes stands for them; the ones connected with the start keep their order.
+    node_of = np.full(every, -1, dtype=np.int32)
+    order = np.empty(every, dtype=np.int32)
+    home = _root(parent, numbers[start])
+    n = 0
+    for first in first_of:
+        piece = first
+        while piece >= 0:
+            here = numbers[piece]
+            if here >= 0:
+                numbers[piece] = -1
+                if _root(parent, here) == home:
+                    order[n] = piece
+                    node_of[here] = numbers[piece] = n
+                    n += 1
+            piece = pieces[piece].next
+    # How many neighbours each node has before it, and in all.
+    before = np.zeros(n, dtype=np.int64)
     pointer = np.zeros(n + 1, dtype=np.int64)
+    for e in range(edges):
+        if node_of[low[e]] >= 0:
+            a, b = node_of[low[e]], node_of[high[e]]
+            before[b] += 1
+            pointer[a + 1] += 1
+            pointer[b + 1] += 1
     for node in range(n):
-        piece = order[node]
-        pointer[node + 1] = pointer[node] + begin[piece] - (begin[piece - 1] if piece else 0)
-    # Walking the nodes in order and noting each with its neighbours sorts every row.
-    filled = pointer[:-1].copy()
+        pointer[node + 1] += pointer[node]
     neighbours = np.empty(pointer[n], dtype=np.int32)
-    out_lengths = np.empty(pointer[n])
-    out_bent = np.empty(pointer[n], dtype=np.bool_)
-    for node in range(n):
-        piece = order[node]
-        for k in range(begin[piece - 1] if piece else 0, begin[piece]):
-            other = numbers[ends[k]]
-            place = filled[other]
-            neighbours[place], out_lengths[place], out_bent[place] = node, lengths[k], bent[k]
-            filled[other] += 1
-    return order, numbers, pointer, neighbours, out_lengths, out_bent
+    lengths = np.empty(pointer[n])
+    bent = np.empty(pointer[n], dtype=np.bool_)
+    # In the order of the edges, each row gets those before its node ascending.
+    place = pointer[:-1].copy()
+    for e in range(edges):
+        if node_of[low[e]] >= 0:
+            a, b = node_of[low[e]], node_of[high[e]]
+            at = place[b]
+            neighbours[at], lengths[at], bent[at] = a, far[e], bends[e]
+            place[b] = at + 1
+    # Then, node after node, each enters itself with those behind which it comes.
+    for b in range(n):
+        for k in range(pointer[b], pointer[b] + before[b]):
+            a = neighbours[k]
+            at = place[a]
+            neighbours[at], lengths[at], bent[at] = b, lengths[k], bent[k]
+            place[a] = at + 1
+    return order[:n].copy(), numbers, pointer, neighbours, lengths, bent

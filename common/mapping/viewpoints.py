@@ -32,6 +32,8 @@ PLACE_MARGIN: Final = 0.5
 # So near to a place where the robot has been, another look shows nothing new, metres.
 BEEN_REACH: Final = 0.3
 _NO_PIECES: Final = np.zeros(0, dtype=np.int32)
+Reached = tuple[NDArray[np.int32], NDArray[np.int32], Adjacency]
+"""What `ViewpointGraph.reachable` returns."""
 _NOTHING_REMAINS: Final = Remains(_NO_PIECES, _NO_PIECES, 0, 1)
 
 
@@ -123,6 +125,7 @@ class ViewpointGraph:
         self.fresh = self.ended = self._gone = _NO_PIECES
         self.changed: Box = NOTHING_LOST
         self._pairs = (np.zeros(0, np.int32), np.zeros((0, 32), np.int32), np.zeros((0, 32), np.int32))
+        self._reached: Reached | None = None
         self._touches = (
             np.zeros((0, 2), np.int32),
             np.zeros((0, 2, self._most_touches), np.int32),
@@ -182,6 +185,8 @@ class ViewpointGraph:
             cells, layout, self.pieces, self.first_of, box, lost, self.edge_reach, self._pairs, self._touches,
             self.fresh, self.ended, changed or NOTHING_LOST,
         )  # fmt: skip
+        if changed is not None or len(self.fresh) or len(self.ended):
+            self._reached = None
 
     def piece_of(self, point: tuple[int, int]) -> int:
         """Return the piece that holds a point, subcells; beside clear space the nearest in a free line; -1 for none."""
@@ -194,23 +199,20 @@ class ViewpointGraph:
         found: NDArray[np.int64] = pieces_at(self.cells, self.layout, self.pieces, self.first_of, *places)
         return found
 
-    def reachable(self, piece: int | None = None) -> tuple[NDArray[np.int32], NDArray[np.int32], Adjacency]:
+    def reachable(self, piece: int | None = None) -> Reached:
         """Number the viewpoints that edges connect with that of a piece, the robot's where none is given.
 
         Returns:
             The piece of each node, int32, shape (n,); the node number of each piece, -1 without one, int32, shape
-            (used,); and the edges.
+            (used,); and the edges. What was found last is returned again while it holds: do not write to it.
         """
-        order, numbers, *edges = reach(
-            self.pieces,
-            self.used,
-            self.first_of,
-            self.robot if piece is None else piece,
-            self._pairs,
-            self._touches,
-            self._resolution,
-        )
-        return order, numbers, Adjacency(*edges)
+        start = self.robot if piece is None else piece
+        if self._reached is None or self._reached[1][start] < 0:
+            order, numbers, *edges = reach(
+                self.pieces, self.used, self.first_of, start, self._pairs, self._touches, self._resolution
+            )
+            self._reached = order, numbers, Adjacency(*edges)
+        return self._reached
 
     def way(self, a: int, b: int) -> NDArray[np.int64]:
         """Return the corners of the way between the viewpoints of two pieces that touch, subcells, both ends included.

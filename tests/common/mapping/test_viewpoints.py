@@ -6,6 +6,7 @@ import numpy as np
 
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
+from common.mapping.sight import NOTHING_LOST
 from tests.common.mapping.worlds import small_config
 
 
@@ -43,6 +44,20 @@ def test_a_square_that_the_grid_cuts_off_is_only_partly_known():
         mapper.update(Pose(1.0, 1.0))
         # The strip right of x = 4 does not hold its lattice points and may become more.
         assert sorted(set(mapper.viewpoints[:, 0].tolist())) == [1.0, 3.0]
+
+
+def test_pieces_that_wait_no_longer_are_reached_although_no_cell_has_changed():
+    mapper = Mapper(small_config(viewpoint_spacing=2.0, resolution=0.5), lattice_origin=(1.0, 1.0))
+    mapper.belief.assign(np.pad(np.zeros((12, 9), dtype=np.int8), ((0, 0), (0, 5)), constant_values=-1), (0.0, 0.0))
+    mapper.update(Pose(1.0, 1.0))
+    graph, robot = mapper._graph, mapper.belief.subcells((1.0, 1.0))
+    assert len(graph.reachable()[0]) == 6
+    graph.update(None, NOTHING_LOST, robot, everywhere=True)
+    order, numbers, edges = graph.reachable()
+    assert len(order) == len(edges.pointer) - 1 == 9
+    assert graph.reachable()[2] is edges  # nothing is worked out twice
+    graph.update(None, NOTHING_LOST, robot)
+    assert len(graph.reachable()[0]) == 6
 
 
 def test_a_robot_between_equally_near_viewpoints_counts_as_at_the_first_of_them():
