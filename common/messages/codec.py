@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NoReturn
 
 import msgpack
 import numpy as np
@@ -94,8 +94,8 @@ def unpack(data: bytes, name: str = "message", max_bytes: int = 1 << 20) -> dict
     """
     if len(data) > max_bytes:
         raise MessageError(name, f"must have at most {max_bytes} bytes, got {len(data)}")
-    reader = _Reader(data)
-    value = reader.value(name, 0)
+    reader = _Reader(data, name)
+    value = reader.value(0)
     if not isinstance(value, dict):
         raise MessageError(name, f"must be a map, got {type(value).__name__}")
     if reader.position != len(data):
@@ -126,145 +126,146 @@ _NUMBERS = {
     }.items()
 }
 _CONSTANTS = {0xC0: None, 0xC2: False, 0xC3: True}
-# Tags followed by a length: what they hold, and the bytes of the length.
-_LENGTHS = {
-    0xC4: ("bytes", 1),
-    0xC5: ("bytes", 2),
-    0xC6: ("bytes", 4),
-    0xC7: ("extension", 1),
-    0xC8: ("extension", 2),
-    0xC9: ("extension", 4),
-    0xD9: ("text", 1),
-    0xDA: ("text", 2),
-    0xDB: ("text", 4),
-    0xDE: ("map", 2),
-    0xDF: ("map", 4),
-}
-_SHAPES = tuple(struct.Struct(f"<{dimensions}I") for dimensions in range(MAX_DIMENSIONS + 1))
+# Tags followed by a length: the bytes of that.
+_EXTENSIONS = {0xC7: 1, 0xC8: 2, 0xC9: 4}
+_BYTES = {0xC4: 1, 0xC5: 2, 0xC6: 4}
+_TEXTS = {0xD9: 1, 0xDA: 2, 0xDB: 4}
+_MAPS = {0xDE: 2, 0xDF: 4}
 _FIXED_EXTENSIONS = {0xD4: 1, 0xD5: 2, 0xD6: 4, 0xD7: 8, 0xD8: 16}
+_SHAPES = tuple(struct.Struct(f"<{dimensions}I") for dimensions in range(MAX_DIMENSIONS + 1))
 
 
 class _Reader:
-    """One pass over a message, from the first byte to the last."""
+    """One pass over a message, from the first byte to the last.
 
-    __slots__ = ("data", "items", "position")
+    Most of a delivery are arrays with short names, so those come first, and nothing is put together for the text of an
+    error before there is one.
+    """
 
-    def __init__(self, data: bytes) -> None:
+    __slots__ = ("data", "items", "names", "position")
+
+    def __init__(self, data: bytes, name: str) -> None:
         self.data = data
         self.position = 0
-        self.items = 0
+        self.items = 1
+        self.names = [name]
+        """Of the maps around the value that is being read, and its own."""
 
-    def value(self, path: str, depth: int) -> Any:
-        self.items += 1
-        if self.items > MAX_ITEMS:
-            raise MessageError(path, f"is beyond the {MAX_ITEMS} items that a message may have")
-        tag = self.byte(path)
+    def fail(self, problem: str) -> NoReturn:
+        raise MessageError(".".join(self.names), problem)
+
+    def value(self, depth: int) -> Any:
+        tag = self.byte()
+        if tag in _EXTENSIONS:
+            return self.array(self.number(_EXTENSIONS[tag]))
         if tag < 0x80:
             return tag
-        if tag in _LENGTHS:
-            what, width = _LENGTHS[tag]
-            length = int.from_bytes(self.take(width, path), "big")
-            if what == "extension":
-                return self.extension(length, path)
-            if what == "text":
-                return self.text(length, path, MAX_TEXT)
-            if what == "map":
-                return self.map(length, path, depth)
-            return self.take(length, path)
+        if tag < 0x90:
+            return self.map(tag & 0x0F, depth)
+        if 0xA0 <= tag < 0xC0:
+            return self.text(tag & 0x1F, MAX_TEXT)
         if tag >= 0xE0:
             return tag - 0x100
-        if tag < 0x90:
-            return self.map(tag & 0x0F, path, depth)
-        if 0xA0 <= tag < 0xC0:
-            return self.text(tag & 0x1F, path, MAX_TEXT)
         if tag in _CONSTANTS:
             return _CONSTANTS[tag]
-        number = _NUMBERS.get(tag)
-        if number is not None:
-            return number.unpack(self.take(number.size, path))[0]
+        if tag in _NUMBERS:
+            number = _NUMBERS[tag]
+            return number.unpack(self.take(number.size))[0]
         if tag in _FIXED_EXTENSIONS:
-            return self.extension(_FIXED_EXTENSIONS[tag], path)
-        raise MessageError(path, f"has tag 0x{tag:02x}, which is no part of the protocol")
+            return self.array(_FIXED_EXTENSIONS[tag])
+        if tag in _TEXTS:
+            return self.text(self.number(_TEXTS[tag]), MAX_TEXT)
+        if tag in _BYTES:
+            return self.take(self.number(_BYTES[tag]))
+        if tag in _MAPS:
+            return self.map(self.number(_MAPS[tag]), depth)
+        self.fail(f"has tag 0x{tag:02x}, which is no part of the protocol")
 
-    def byte(self, path: str) -> int:
+    def byte(self) -> int:
         try:
             value = self.data[self.position]
         except IndexError:
-            raise MessageError(path, "needs 1 bytes, but only 0 are left") from None
+            self.fail("needs 1 bytes, but only 0 are left")
         self.position += 1
         return value
 
-    def take(self, length: int, path: str) -> bytes:
+    def take(self, length: int) -> bytes:
         first = self.position
-        if length > len(self.data) - first:
-            raise MessageError(path, f"needs {length} bytes, but only {len(self.data) - first} are left")
-        self.position = first + length
-        return self.data[first : self.position]
+        last = first + length
+        if last > len(self.data):
+            self.fail(f"needs {length} bytes, but only {len(self.data) - first} are left")
+        self.position = last
+        return self.data[first:last]
 
-    def text(self, length: int, path: str, most: int) -> str:
+    def number(self, width: int) -> int:
+        return int.from_bytes(self.take(width), "big")
+
+    def text(self, length: int, most: int) -> str:
         if length > most:
-            raise MessageError(path, f"must have at most {most} bytes of text, got {length}")
+            self.fail(f"must have at most {most} bytes of text, got {length}")
         try:
-            return self.take(length, path).decode("utf-8")
+            return str(self.take(length), "utf-8")
         except UnicodeDecodeError as error:
-            raise MessageError(path, f"must be UTF-8: {error.reason}") from None
+            self.fail(f"must be UTF-8: {error.reason}")
 
-    def map(self, length: int, path: str, depth: int) -> dict[str, Any]:
+    def map(self, length: int, depth: int) -> dict[str, Any]:
         if depth >= MAX_DEPTH:
-            raise MessageError(path, f"must not be nested deeper than {MAX_DEPTH} maps")
+            self.fail(f"must not be nested deeper than {MAX_DEPTH} maps")
         if length > MAX_MAP:
-            raise MessageError(path, f"must have at most {MAX_MAP} entries, got {length}")
+            self.fail(f"must have at most {MAX_MAP} entries, got {length}")
+        self.items += length
+        if self.items > MAX_ITEMS:
+            self.fail(f"is beyond the {MAX_ITEMS} items that a message may have")
         values: dict[str, Any] = {}
+        names = self.names
         for _ in range(length):
-            name = self.name(path)
-            inner = f"{path}.{name}"
+            name = self.name()
+            names.append(name)
             if name in values:
-                raise MessageError(inner, "is duplicated")
-            values[name] = self.value(inner, depth + 1)
+                self.fail("is duplicated")
+            values[name] = self.value(depth + 1)
+            names.pop()
         return values
 
-    def name(self, path: str) -> str:
-        tag = self.byte(path)
+    def name(self) -> str:
+        tag = self.byte()
         if 0xA0 <= tag < 0xC0:
-            return self.text(tag & 0x1F, path, MAX_NAME)
-        what, width = _LENGTHS.get(tag, ("", 0))
-        if what != "text":
-            raise MessageError(path, f"must have text as names, got tag 0x{tag:02x}")
-        return self.text(int.from_bytes(self.take(width, path), "big"), path, MAX_NAME)
+            return self.text(tag & 0x1F, MAX_NAME)
+        if tag not in _TEXTS:
+            self.fail(f"must have text as names, got tag 0x{tag:02x}")
+        return self.text(self.number(_TEXTS[tag]), MAX_NAME)
 
-    def extension(self, length: int, path: str) -> NDArray[Any]:
-        kind = self.byte(path)
+    def array(self, length: int) -> NDArray[Any]:
+        data = self.data
+        kind = self.byte()
         if kind != ARRAY_EXTENSION:
-            raise MessageError(path, f"must be an array (extension {ARRAY_EXTENSION}), got extension {kind}")
+            self.fail(f"must be an array (extension {ARRAY_EXTENSION}), got extension {kind}")
         if length < 2:
-            raise MessageError(path, f"needs at least 2 bytes of array header, got {length}")
+            self.fail(f"needs at least 2 bytes of array header, got {length}")
         first = self.position
-        payload_end = first + length
-        if payload_end > len(self.data):
-            raise MessageError(path, f"needs {length} bytes, but only {len(self.data) - first} are left")
-        code, dimensions = self.data[first], self.data[first + 1]
+        last = first + length
+        if last > len(data):
+            self.fail(f"needs {length} bytes, but only {len(data) - first} are left")
+        code, dimensions = data[first], data[first + 1]
         if code >= len(DTYPES):
-            raise MessageError(path, f"has the unknown dtype code {code}; codes are 0 to {len(DTYPES) - 1}")
+            self.fail(f"has the unknown dtype code {code}; codes are 0 to {len(DTYPES) - 1}")
         if dimensions > MAX_DIMENSIONS:
-            raise MessageError(path, f"must have at most {MAX_DIMENSIONS} dimensions, got {dimensions}")
+            self.fail(f"must have at most {MAX_DIMENSIONS} dimensions, got {dimensions}")
         start = first + 2 + 4 * dimensions
-        if start > payload_end:
-            raise MessageError(path, f"ends within its {dimensions} dimensions")
-        shape = _SHAPES[dimensions].unpack_from(self.data, first + 2)
+        if start > last:
+            self.fail(f"ends within its {dimensions} dimensions")
+        shape = _SHAPES[dimensions].unpack_from(data, first + 2)
         dtype = DTYPES[code]
         size = math.prod(shape)
-        if size * dtype.itemsize != payload_end - start:
-            raise MessageError(
-                path,
-                f"of shape {shape} and dtype {dtype.name} needs {size * dtype.itemsize} bytes, "
-                f"got {payload_end - start}",
-            )
-        self.position = payload_end
-        if size == 0 and any(dimension > MAX_TEXT for dimension in shape):
-            raise MessageError(path, f"has no elements, yet the shape {shape}")
-        if code == 0 and size:
-            highest = np.maximum.reduce(np.frombuffer(self.data, np.uint8, size, start))
-            if highest > 1:
-                raise MessageError(path, f"must hold booleans as 0 or 1, got {highest}")
+        if size * dtype.itemsize != last - start:
+            self.fail(f"of shape {shape} and dtype {dtype.name} needs {size * dtype.itemsize} bytes, got {last - start}")
+        self.position = last
+        if size == 0:
+            if any(dimension > MAX_TEXT for dimension in shape):
+                self.fail(f"has no elements, yet the shape {shape}")
+            return np.empty(shape, _NATIVE[code])
+        if code == 0 and (others := data[start:last].translate(None, b"\0\1")):
+            self.fail(f"must hold booleans as 0 or 1, got {max(others)}")
         # A copy: aligned, writable, of native byte order, and it does not keep the whole message alive.
-        return np.ndarray(shape, dtype, self.data, start).astype(_NATIVE[code])
+        array = np.frombuffer(data, dtype, size, start).astype(_NATIVE[code])
+        return array if dimensions == 1 else array.reshape(shape)
