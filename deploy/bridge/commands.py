@@ -17,6 +17,7 @@ from deploy.bridge.mission import Mission
 from deploy.network_config import FramesConfig, TopicsConfig
 from deploy.ros2 import Message, Node, Received, RosError, message
 from deploy.ros2.conversions import pose_from_stamped, position_from
+from deploy.safety.gate_state import emergency_reason
 
 log = logging.getLogger(__name__)
 
@@ -119,11 +120,11 @@ class Commands:
 
     def _stop(self, reason: str) -> None:
         self._gate.emergency_stop(reason)
-        self._mission.emergency_stop(reason)
+        self._mission.emergency_stop(emergency_reason(reason))
 
     def _release(self, who: str, why: str) -> None:
         """Release the emergency stop; the robot stands until it is told to start."""
-        self._mission.emergency_stop(f"released by {who}: {why}")
+        self._mission.emergency_stop(f"emergency stop released by {who}: {why}")
         self._gate.release()
         log.warning("the emergency stop is released by %s: %s", who, why)
         until = time.monotonic() + _CONFIRMED

@@ -161,10 +161,14 @@ class Mission:
             self._change(Phase.ABORTED, "aborted by command")
 
     def emergency_stop(self, reason: str) -> None:
-        """End what the robot does, so that no release sets it in motion: only a new `start` does."""
+        """End what the robot does, so that no release sets it in motion: only a new `start` does.
+
+        Args:
+            reason: why it stands, as the gate says it, or who has released it.
+        """
         with self._lock:
             if self._orders.moving or self._orders.phase is Phase.PAUSED:
-                self._change(Phase.ABORTED, f"emergency stop ({reason}): send `start` when it is released")
+                self._change(Phase.ABORTED, f"{reason}: only a new `start` moves the robot")
 
     def return_home(self, reason: str = "called home by command") -> None:
         """Drive to where the task began.

@@ -154,6 +154,7 @@ def test_the_emergency_stop_holds_until_an_operator_releases_it_and_then_until_a
     assert eventually(lambda: robot.stops[-1][1] == 2, 5)
     robot.emergency.publish(message("std_msgs/msg/Bool", data=False))
     assert eventually(lambda: state(robot) == "aborted" and "emergency stop" in robot.status["reason"])
+    assert robot.status["reason"].count("emergency stop") == 1, "said once, and by whom"
     assert ask(robot, "status")["emergency_stop"]
     robot.say("release")
     assert eventually(lambda: robot.answers and "no topic releases the emergency stop" in robot.answers[-1]["error"])
