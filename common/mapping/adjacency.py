@@ -38,7 +38,8 @@ class Adjacency:
 def _number_all(pieces: Any, first_of: NDArray[np.int32], numbers: NDArray[np.int32]) -> int:
     """Number all viewpoints row-major by square, then in the order of the pieces of a square; return how many."""
     n = 0
-    for piece in first_of:
+    for first in first_of:
+        piece = first
         while piece >= 0:
             if pieces[piece].exists:
                 numbers[piece] = n

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Mapping
-from typing import Any, NoReturn
+from typing import Any
 
 import msgpack
 import numpy as np
@@ -151,8 +151,8 @@ class _Reader:
         self.names = [name]
         """Of the maps around the value that is being read, and its own."""
 
-    def fail(self, problem: str) -> NoReturn:
-        raise MessageError(".".join(self.names), problem)
+    def error(self, problem: str) -> MessageError:
+        return MessageError(".".join(self.names), problem)
 
     def value(self, depth: int) -> Any:
         tag = self.byte()
@@ -179,13 +179,13 @@ class _Reader:
             return self.take(self.number(_BYTES[tag]))
         if tag in _MAPS:
             return self.map(self.number(_MAPS[tag]), depth)
-        self.fail(f"has tag 0x{tag:02x}, which is no part of the protocol")
+        raise self.error(f"has tag 0x{tag:02x}, which is no part of the protocol")
 
     def byte(self) -> int:
         try:
             value = self.data[self.position]
         except IndexError:
-            self.fail("needs 1 bytes, but only 0 are left")
+            raise self.error("needs 1 bytes, but only 0 are left") from None
         self.position += 1
         return value
 
@@ -193,7 +193,7 @@ class _Reader:
         first = self.position
         last = first + length
         if last > len(self.data):
-            self.fail(f"needs {length} bytes, but only {len(self.data) - first} are left")
+            raise self.error(f"needs {length} bytes, but only {len(self.data) - first} are left")
         self.position = last
         return self.data[first:last]
 
@@ -202,27 +202,27 @@ class _Reader:
 
     def text(self, length: int, most: int) -> str:
         if length > most:
-            self.fail(f"must have at most {most} bytes of text, got {length}")
+            raise self.error(f"must have at most {most} bytes of text, got {length}")
         try:
             return str(self.take(length), "utf-8")
         except UnicodeDecodeError as error:
-            self.fail(f"must be UTF-8: {error.reason}")
+            raise self.error(f"must be UTF-8: {error.reason}") from None
 
     def map(self, length: int, depth: int) -> dict[str, Any]:
         if depth >= MAX_DEPTH:
-            self.fail(f"must not be nested deeper than {MAX_DEPTH} maps")
+            raise self.error(f"must not be nested deeper than {MAX_DEPTH} maps")
         if length > MAX_MAP:
-            self.fail(f"must have at most {MAX_MAP} entries, got {length}")
+            raise self.error(f"must have at most {MAX_MAP} entries, got {length}")
         self.items += length
         if self.items > MAX_ITEMS:
-            self.fail(f"is beyond the {MAX_ITEMS} items that a message may have")
+            raise self.error(f"is beyond the {MAX_ITEMS} items that a message may have")
         values: dict[str, Any] = {}
         names = self.names
         for _ in range(length):
             name = self.name()
             names.append(name)
             if name in values:
-                self.fail("is duplicated")
+                raise self.error("is duplicated")
             values[name] = self.value(depth + 1)
             names.pop()
         return values
@@ -232,40 +232,41 @@ class _Reader:
         if 0xA0 <= tag < 0xC0:
             return self.text(tag & 0x1F, MAX_NAME)
         if tag not in _TEXTS:
-            self.fail(f"must have text as names, got tag 0x{tag:02x}")
+            raise self.error(f"must have text as names, got tag 0x{tag:02x}")
         return self.text(self.number(_TEXTS[tag]), MAX_NAME)
 
     def array(self, length: int) -> NDArray[Any]:
         data = self.data
         kind = self.byte()
         if kind != ARRAY_EXTENSION:
-            self.fail(f"must be an array (extension {ARRAY_EXTENSION}), got extension {kind}")
+            raise self.error(f"must be an array (extension {ARRAY_EXTENSION}), got extension {kind}")
         if length < 2:
-            self.fail(f"needs at least 2 bytes of array header, got {length}")
+            raise self.error(f"needs at least 2 bytes of array header, got {length}")
         first = self.position
         last = first + length
         if last > len(data):
-            self.fail(f"needs {length} bytes, but only {len(data) - first} are left")
+            raise self.error(f"needs {length} bytes, but only {len(data) - first} are left")
         code, dimensions = data[first], data[first + 1]
         if code >= len(DTYPES):
-            self.fail(f"has the unknown dtype code {code}; codes are 0 to {len(DTYPES) - 1}")
+            raise self.error(f"has the unknown dtype code {code}; codes are 0 to {len(DTYPES) - 1}")
         if dimensions > MAX_DIMENSIONS:
-            self.fail(f"must have at most {MAX_DIMENSIONS} dimensions, got {dimensions}")
+            raise self.error(f"must have at most {MAX_DIMENSIONS} dimensions, got {dimensions}")
         start = first + 2 + 4 * dimensions
         if start > last:
-            self.fail(f"ends within its {dimensions} dimensions")
+            raise self.error(f"ends within its {dimensions} dimensions")
         shape = _SHAPES[dimensions].unpack_from(data, first + 2)
         dtype = DTYPES[code]
         size = math.prod(shape)
         if size * dtype.itemsize != last - start:
-            self.fail(f"of shape {shape} and dtype {dtype.name} needs {size * dtype.itemsize} bytes, got {last - start}")
+            needed = size * dtype.itemsize
+            raise self.error(f"of shape {shape} and dtype {dtype.name} needs {needed} bytes, got {last - start}")
         self.position = last
         if size == 0:
             if any(dimension > MAX_TEXT for dimension in shape):
-                self.fail(f"has no elements, yet the shape {shape}")
+                raise self.error(f"has no elements, yet the shape {shape}")
             return np.empty(shape, _NATIVE[code])
         if code == 0 and (others := data[start:last].translate(None, b"\0\1")):
-            self.fail(f"must hold booleans as 0 or 1, got {max(others)}")
+            raise self.error(f"must hold booleans as 0 or 1, got {max(others)}")
         # A copy: aligned, writable, of native byte order, and it does not keep the whole message alive.
         array = np.frombuffer(data, dtype, size, start).astype(_NATIVE[code])
         return array if dimensions == 1 else array.reshape(shape)

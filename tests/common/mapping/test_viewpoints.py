@@ -53,7 +53,7 @@ def test_pieces_that_wait_no_longer_are_reached_although_no_cell_has_changed():
     graph, robot = mapper._graph, mapper.belief.subcells((1.0, 1.0))
     assert len(graph.reachable()[0]) == 6
     graph.update(None, NOTHING_LOST, robot, everywhere=True)
-    order, numbers, edges = graph.reachable()
+    order, _, edges = graph.reachable()
     assert len(order) == len(edges.pointer) - 1 == 9
     assert graph.reachable()[2] is edges  # nothing is worked out twice
     graph.update(None, NOTHING_LOST, robot)
