@@ -55,7 +55,7 @@ class EvaluationSettings(BaseModel):
     task: TaskConfig = TaskConfig()
     mapping: MappingConfig = MappingConfig()
     simulator: SimulatorConfig = SimulatorConfig(name="grid")
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
     time_limit: Annotated[float, Field(gt=0.0)] = 10.0
     policy: str | None = None
     large: bool = False

@@ -27,7 +27,7 @@ class RunConfig(Section):
 
     name: str = "default"
     """Name of the run: its folder, and its prefix on the bus. Lower-case letters, digits and dashes."""
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
     """Seed of networks, sampling and worlds."""
     maps: MapsConfig = Field(default_factory=MapsConfig)
     """Where worlds come from."""

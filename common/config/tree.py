@@ -23,6 +23,7 @@ from common.system.documents import DocumentError, parse_json, parse_toml, read_
 
 M = TypeVar("M", bound=BaseModel)
 
+_TABLE = "expected a table of settings"
 # Variables beginning with HD_ that are settings of a process, of whatever kind, and not of a tree.
 RESERVED_VARIABLES = frozenset({"HD_LOG_LEVEL", "HD_PAGE_TOKEN", "HD_PROCESS_PREPARED"})
 
@@ -154,14 +155,22 @@ class ConfigTree(Generic[M]):
             raise ConfigError(f"{source}: unknown setting {path!r}{self._nearest(path)}")
         *sections, name = path.split(".")
         branch = tree
-        for section in sections:
+        for depth, section in enumerate(sections, 1):
             branch = branch.setdefault(section, {})
+            if not isinstance(branch, dict):
+                here = ".".join(sections[:depth])
+                raise ConfigError(f"{here}: {_TABLE}, got {branch!r}{_source(here, origin)}")
         branch[name] = _parse(raw, field)
         origin[path] = source
 
-    def _nearest(self, path: str) -> str:
-        known = [name for name, _ in self.all_fields()]
-        near = difflib.get_close_matches(path, known, n=1, cutoff=0.6)
+    def _nearest(self, path: str, *, table: bool = False) -> str:
+        leaves = [name for name, _ in self.all_fields()]
+        if path in leaves:
+            section, _, leaf = path.rpartition(".")
+            return f", a key with dots is one name: write {leaf!r} in the section {section!r}"
+        sections = list(dict.fromkeys(name.rpartition(".")[0] for name in leaves if "." in name))
+        known = sections if table else leaves
+        near = difflib.get_close_matches(path.lower(), known, n=1, cutoff=0.6)
         if not near:
             leaf = path.rsplit(".", 1)[-1]
             near = [name for name in known if name.rsplit(".", 1)[-1] == leaf][:1]
@@ -170,10 +179,12 @@ class ConfigTree(Generic[M]):
     def _explain(self, problem: Any, origin: Mapping[str, str]) -> str:
         path = ".".join(str(part) for part in problem["loc"])
         if problem["type"] == "extra_forbidden":
-            source = origin.get(path)
-            return f"{path}: unknown setting{self._nearest(path)}" + (f" (from {source})" if source else "")
+            table = isinstance(problem["input"], Mapping)
+            source = origin.get(path) or next((each for at, each in origin.items() if at.startswith(f"{path}.")), None)
+            what = "section" if table else "setting"
+            return f"{path}: unknown {what}{self._nearest(path, table=table)}" + (f" (from {source})" if source else "")
         source = _source(path, origin)
-        message = problem["msg"].removeprefix("Value error, ")
+        message = _TABLE if problem["type"] == "model_type" else problem["msg"].removeprefix("Value error, ")
         got = problem["input"]
         shown = f", got {got!r}" if not isinstance(got, (dict, BaseModel)) else ""
         return f"{path or self.subject}: {message[0].lower() + message[1:]}{shown}{source}"
@@ -208,7 +219,7 @@ def _leaves(model: type[BaseModel], prefix: str) -> Iterator[tuple[str, FieldInf
 def _read_file(file: Path) -> dict[str, Any]:
     try:
         text = read_text(file)
-        tree = parse_json(text) if file.suffix == ".json" else parse_toml(text)
+        tree = parse_json(text) if file.suffix.lower() == ".json" else parse_toml(text)
     except OSError as error:
         raise ConfigError(f"cannot read the configuration file {file}: {error}") from None
     except DocumentError as error:

@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
+from common.system.stand_ins import stand_in
 from common.system.text_files import decode_text
 
 MAX_BYTES: Final = 1 << 20
@@ -32,6 +33,8 @@ def read_text(path: Path, most: int = MAX_BYTES) -> str:
         data = file.read(most + 1)
     if len(data) > most:
         raise DocumentError(f"must have at most {most:,} bytes, and has more")
+    if instead := stand_in(data):
+        raise DocumentError(instead)
     try:
         return decode_text(data)
     except ValueError as error:
@@ -39,13 +42,13 @@ def read_text(path: Path, most: int = MAX_BYTES) -> str:
 
 
 def parse_json(text: str | bytes) -> Any:
-    """Return the value of JSON whose numbers are finite and which nests at most `MAX_DEPTH` levels.
+    """Return the value of JSON whose numbers are finite and keys are there once, nested at most `MAX_DEPTH` levels.
 
     Raises:
         DocumentError: it is not that.
     """
     try:
-        value = json.loads(text, parse_constant=_no_constant, parse_float=_finite)
+        value = json.loads(text, parse_constant=_no_constant, parse_float=_finite, object_pairs_hook=_once)
     except RecursionError:
         raise DocumentError(_too_deep()) from None
     except ValueError as error:
@@ -98,6 +101,18 @@ def _check_depth(value: Any) -> None:
 
 def _too_deep() -> str:
     return f"must not nest deeper than {MAX_DEPTH} levels"
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        seen: set[str] = set()
+        # The reader of the standard library would take the last without a word.
+        for key, _ in pairs:
+            if key in seen:
+                raise ValueError(f"the key {key[:60]!r} is there twice: leave one out")
+            seen.add(key)
+    return found
 
 
 def _no_constant(text: str) -> NoReturn:

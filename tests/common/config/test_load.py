@@ -1,6 +1,7 @@
 """Precedence of the sources of settings, and the messages that a user reads when one is wrong."""
 
 import json
+import re
 
 import pytest
 
@@ -68,6 +69,8 @@ def test_command_line_values_are_read_as_the_setting_wants_them(override, value)
         (["name=Über"], {}, ["name", "lower-case letters"]),
         (["bus.tls_ca=ca.pem"], {}, ["tls_certificate", "all three or none"]),
         (["sac.gamma=NaN"], {}, ["sac.gamma", "finite"]),
+        (["seed=99999999999999999999"], {}, ["seed", "less than or equal to"]),
+        (["sac.gamma=true"], {}, ["sac.gamma", "a number, and not true or false"]),
     ],
 )
 def test_a_wrong_setting_is_explained(overrides, environment, words):
@@ -84,6 +87,31 @@ def test_unknown_names_in_a_file_are_explained_with_the_file(tmp_path):
         load_config(file)
     assert str(file) in str(caught.value)
     assert "nothing" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("run.json", '{"learner": {"batch_size": 8}, "learner": {}}', "'learner' is there twice"),
+        ("run.toml", "[sac]\ngamma = true", "sac.gamma: input should be a number"),
+        ("run.toml", "[Learner]\nbatch_size = 8", "Learner: unknown section: did you mean 'learner'? (from file"),
+        ("run.toml", '"learner.batch_size" = 8', "a key with dots is one name: write 'batch_size' in the section"),
+        ("run.toml", "learner = 3", "learner: expected a table of settings, got 3"),
+        ("run.json", '{"learner": null}', "learner: expected a table of settings, got None (from file"),
+    ],
+)
+@pytest.mark.parametrize("overrides", [[], ["learner.batch_size=4"]])
+def test_files_that_say_something_else_than_they_mean(tmp_path, name, text, words, overrides):
+    file = tmp_path / name
+    file.write_text(text)
+    with pytest.raises(ConfigError, match=re.escape(words)):
+        load_config(file, overrides)
+
+
+def test_the_suffix_of_a_file_may_be_in_capitals(tmp_path):
+    file = tmp_path / "RUN.JSON"
+    file.write_text('{"learner": {"batch_size": 4}}')
+    assert load_config(file).learner.batch_size == 4
 
 
 @pytest.mark.parametrize("text", ["[learner", "= 3", "\x00"])

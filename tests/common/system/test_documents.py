@@ -18,6 +18,8 @@ from common.system.documents import MAX_BYTES, DocumentError, parse_json, parse_
         "-Infinity",
         "9" * 100_000,
         '"open',
+        '{"twice": 1, "twice": 2}',
+        "{" + ",".join(f'"{key % 60_000}": 0' for key in range(60_001)) + "}",
         b"\xff\xfe",
     ],
     ids=lambda text: repr(text[:8]),
@@ -78,3 +80,17 @@ def test_plain_documents_come_through(tmp_path):
     (tmp_path / "plain.json").write_text(json.dumps(values), "utf-8")
     assert read_json(tmp_path / "plain.json") == values
     assert parse_toml("a = 1\n[b.c]\nd = 'x'") == {"a": 1, "b": {"c": {"d": "x"}}}
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 3\n", "pointer of Git LFS"),
+        (b"\n<!DOCTYPE HTML>\n<title>Sign in</title>", "web page"),
+    ],
+)
+def test_what_lies_in_the_place_of_a_document_is_told(tmp_path, data, words):
+    path = tmp_path / "settings.toml"
+    path.write_bytes(data)
+    with pytest.raises(DocumentError, match=words):
+        read_text(path)
