@@ -7,6 +7,7 @@ from pathlib import Path
 from common.policies.policy import Policy
 from common.policies.policy_file import PolicyCard, read_policy
 from common.policies.shipped import shipped_policy
+from common.system.paths import expanded
 
 
 def load_policy(path: str | Path | None = None, *, task: str = "exploration") -> tuple[Policy, PolicyCard]:
@@ -23,4 +24,4 @@ def load_policy(path: str | Path | None = None, *, task: str = "exploration") ->
         CheckpointError: it cannot be read, or none ships for the task.
         WeightsError: the weights do not fit the network of the card.
     """
-    return read_policy(shipped_policy(task) if path is None else Path(path).expanduser())
+    return read_policy(shipped_policy(task) if path is None else expanded(path))

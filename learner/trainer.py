@@ -6,13 +6,13 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import numpy as np
 
 from common.errors import StorageError
 from common.network.parameters import with_options
 from common.policies.policy_file import read_weights
+from common.system.paths import expanded
 from learner.algorithm.base import Algorithm, NotFiniteError, Prepare, PublishedVersion
 from learner.algorithm.batch import TransitionBatch
 from learner.checkpointing import Checkpointer
@@ -114,7 +114,7 @@ class Trainer:
             WeightsError: it does not fit the configured network.
         """
         if self.config.learner.initial_policy is not None:
-            weights, card = read_weights(Path(self.config.learner.initial_policy).expanduser())
+            weights, card = read_weights(expanded(self.config.learner.initial_policy))
             self.algorithm.adopt(with_options(weights, card.network, self.config.network, self.config.seed))
             logger.info("training continues from the policy of run %s, %d updates", card.run, card.updates)
         self._open_records(episodes_length=0, updates=0)

@@ -12,6 +12,7 @@ from actors.evaluation.suited import suited_config
 from actors.evaluation.worlds import WorldSet
 from actors.maps.spec import with_places
 from common.errors import ConfigError
+from common.system.paths import expanded
 
 
 def resolve(
@@ -76,7 +77,7 @@ def resolve(
         simulator=run.simulator,
         seed=seed,
         time_limit=time_limit,
-        policy=None if policy is None else str(policy.expanduser().resolve()),
+        policy=None if policy is None else str(expanded(policy).resolve()),
     )
 
 

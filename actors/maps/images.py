@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import warnings
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from common.errors import MapError
 from common.system.extras import optional
+from common.system.stand_ins import stand_in
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -24,6 +26,11 @@ SUFFIXES = frozenset({".png", ".pgm", ".ppm", ".pnm", ".jpg", ".jpeg", ".bmp"})
 """Of image files that may be maps, lower case."""
 SAVED_UNKNOWN = 205
 """Gray that map_saver of ROS writes for unknown."""
+# MPO is JPG with further pictures behind the first, as phones write it.
+_LOSSY_FORMATS = ("JPEG", "MPO")
+# Bytes, comments included; and a word of such a header, behind white space and comments.
+_LONGEST_HEADER = 1 << 20
+_WORD = re.compile(rb"(?:\s|#[^\r\n]*)*([^\s#]+)")
 MAX_SIDE = 8192
 """Pixels; a header that announces more is refused before anything is unpacked."""
 
@@ -81,7 +88,7 @@ def read_pixels(path: Path) -> Pixels:
             if max(opened.size) > MAX_SIDE:
                 raise _too_large(path, f"{opened.width} x {opened.height}")
             has_alpha = opened.mode in ("RGBA", "LA", "PA") or "transparency" in opened.info
-            lossy = opened.format == "JPEG"
+            lossy = opened.format in _LOSSY_FORMATS
             picture = _eight_bits(path, ImageOps.exif_transpose(opened) if lossy else opened)
             if picture.mode == "1":
                 picture = picture.convert("L")
@@ -89,15 +96,15 @@ def read_pixels(path: Path) -> Pixels:
             white = _white_of_pgm(path) if opened.format == "PPM" else 255
             indices = np.asarray(picture) if few else None
             colours = np.asarray((_all_colours(picture) if few else picture).convert("RGBA")).reshape(-1, 4)
-            if few and SAVED_UNKNOWN < white < 255:
+            if SAVED_UNKNOWN < white < 255:
                 colours = colours.copy()
-                colours[round(SAVED_UNKNOWN * 255 / white), :3] = SAVED_UNKNOWN
+                colours[(colours[:, :3] == round(SAVED_UNKNOWN * 255 / white)).all(axis=1), :3] = SAVED_UNKNOWN
     except FileNotFoundError:
         raise MapError(f"{path}: there is no such file: check the path") from None
     except (Image.DecompressionBombError, Image.DecompressionBombWarning):
         raise _too_large(path, "many more") from None
     except UnidentifiedImageError:
-        raise MapError(f"{path}: expected an image (PNG, PGM, JPG or BMP), got something else: convert it") from None
+        raise MapError(_no_image(path)) from None
     except (OSError, SyntaxError, ValueError, OverflowError) as error:
         raise MapError(f"{path}: cannot read the image ({error}): check the file and its permissions") from error
     return Pixels(colours, indices, (picture.height, picture.width), has_alpha, lossy)
@@ -109,15 +116,27 @@ def _too_large(path: Path, got: str) -> MapError:
     )
 
 
-def _white_of_pgm(path: Path) -> int:
-    """Return the value of white that the header of a PGM file gives; 255 for other files of that family."""
+def _no_image(path: Path) -> str:
     with path.open("rb") as file:
-        head = file.read(4096)
-    words = re.sub(rb"#[^\r\n]*", b" ", head).split(None, 4)
-    return int(words[3]) if len(words) > 3 and words[0] in (b"P2", b"P5") and words[3].isdigit() else 255
+        head = file.read(1024)
+    if instead := stand_in(head):
+        return f"{path} {instead}"
+    got = "something else: convert it" if head else "an empty file: copy it again"
+    return f"{path}: expected an image (PNG, PGM, JPG or BMP), got {got}"
+
+
+def _white_of_pgm(path: Path) -> int:
+    """Return the value of white that the header of a PGM or PPM file gives; 255 for other files of that family."""
+    with path.open("rb") as file:
+        head = file.read(_LONGEST_HEADER)
+    words = [found[1] for found in itertools.islice(_WORD.finditer(head), 4)]
+    known = len(words) == 4 and words[0] in (b"P2", b"P3", b"P5", b"P6") and words[3].isdigit()
+    return int(words[3]) if known else 255
 
 
 def _eight_bits(path: Path, picture: Image.Image) -> Image.Image:
+    if picture.mode == "F":
+        raise MapError(f"{path}: expected 8 or 16 bits a pixel, got numbers with fractions: convert the image")
     if not picture.mode.startswith("I"):
         return picture
     values = np.asarray(picture, dtype=np.int64)
@@ -125,7 +144,9 @@ def _eight_bits(path: Path, picture: Image.Image) -> Image.Image:
         raise MapError(f"{path}: expected 8 or 16 bits a pixel, got values up to {values.max()}: convert the image")
     from PIL import Image
 
-    return Image.fromarray(((values + 128) // 257).astype(np.uint8))
+    # Tools make 16 bits of 8 by a shift, or so that white stays white.
+    shifted = not (values & 0xFF).any()
+    return Image.fromarray((values >> 8 if shifted else (values + 128) // 257).astype(np.uint8))
 
 
 def _all_colours(picture: Image.Image) -> Image.Image:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Final
 
@@ -49,6 +50,9 @@ def place(
     Raises:
         MapError: nothing is free, or a position is outside, not free, or cut off.
     """
+    for what, position in (("start", start), ("target", target)):
+        if position is not None and not all(math.isfinite(coordinate) for coordinate in position):
+            raise MapError(f"{path}: expected the {what} (x, y) in metres, got {_shown(position)}: correct it")
     x, y = lattice_origin(free.shape[0], resolution)
     world = GridMap(
         name=name,

@@ -28,6 +28,8 @@ from actors.maps.placing import MAX_COORDINATE, Position, place
 from actors.maps.turning import turn, turned_resolution
 from common.errors import MapError
 from common.system.extras import optional
+from common.system.paths import is_file
+from common.system.stand_ins import stand_in
 from common.system.text_files import decode_text
 
 Mode = Literal["trinary", "scale", "raw"]
@@ -168,7 +170,7 @@ def load_ros_map(
             f"{path}: expected a target for navigation, a ROS map has none: give it in metres, --target X Y or "
             f"{path.name}?start=X,Y&target=X,Y, or choose the task exploration"
         )
-    if not file.image.is_file():
+    if not is_file(file.image):
         raise MapError(f"{path}: expected its image at {file.image}, there is no such file: correct the field image")
     values = occupancy(read_pixels(file.image), file)
     free = (values >= 0) & (values <= FREE_UP_TO)
@@ -215,6 +217,8 @@ def _read(path: Path) -> dict[Any, Any]:
         if size > LARGEST_FILE:
             raise MapError(f"{path}: expected the YAML file of a ROS map, got {size:,} bytes: name another file")
         data = path.read_bytes()
+        if instead := stand_in(data):
+            raise MapError(f"{path} {instead}")
         if data.count(b"[") + data.count(b"{") > LARGEST_NESTING:
             # The parser takes seconds to find that out.
             raise MapError(
@@ -242,9 +246,8 @@ def _read(path: Path) -> dict[Any, Any]:
             f"{path}: expected the YAML file of a ROS map, got something else ({problem}): correct it or name another"
         ) from None
     if not isinstance(values, dict):
-        raise MapError(
-            f"{path}: expected the YAML file of a ROS map, got {type(values).__name__}: it has fields such as image"
-        )
+        got = "an empty file" if values is None else type(values).__name__
+        raise MapError(f"{path}: expected the YAML file of a ROS map, got {got}: it has fields such as image")
     return values
 
 

@@ -26,6 +26,7 @@ from actors.maps.recommended import FILE_NAME, ROS_PRESET, SCALE, Recommendation
 from actors.maps.spec import MapSpec, parameters, parse_spec, place_text
 from common.errors import MapError
 from common.extensions import generator_name
+from common.system.paths import exists
 from common.tasks import find_task
 
 DEFAULT_SCALE = 0.25
@@ -236,13 +237,13 @@ def _set_folder(spec: MapSpec) -> Path:
 
 def _files(spec: MapSpec) -> list[MapFile]:
     """Return the map files that a specification means; at least one."""
-    if spec.path.is_dir():
-        return _folder(spec)
-    if not spec.path.exists():
+    if not exists(spec.path):
         raise MapError(
             f"{spec.text}: there is no such file, and no such folder: use a generator such as generator:rooms, or "
             "fetch public maps as docs/maps.md says"
         )
+    if spec.path.is_dir():
+        return _folder(spec)
     if not is_map_file(spec.path):
         raise MapError(
             f"{spec.text}: is a file, expected a map (PNG, PGM, JPG, BMP, or the YAML file of a ROS map) or a folder "

@@ -17,6 +17,7 @@ from actors.maps.placing import MAX_COORDINATE, Position
 from actors.maps.recommended import preset_names
 from common.errors import MapError
 from common.extensions import GENERATOR_PREFIX
+from common.system.paths import exists, expanded
 
 SPLITS = ("train", "validation")
 _KEYS = ("start", "target", "metres_per_pixel")
@@ -53,7 +54,7 @@ def parse_spec(text: str) -> MapSpec:
     """
     preset, rest = _split_preset(text)
     if _exists(rest):
-        return MapSpec(text, preset, Path(rest).expanduser())
+        return MapSpec(text, preset, expanded(rest))
     before, mark, split = rest.rpartition("#")
     if mark and "/" not in split:
         if split not in SPLITS:
@@ -78,7 +79,7 @@ def parse_spec(text: str) -> MapSpec:
     start, target = (
         None if key not in values else _position(_numbers(text, values, key, 2)) for key in ("start", "target")
     )
-    return MapSpec(text, preset, Path(path).expanduser(), split, start, target, scale)
+    return MapSpec(text, preset, expanded(path), split, start, target, scale)
 
 
 def parameters(spec: str, query: str) -> dict[str, str]:
@@ -116,7 +117,7 @@ def with_places(specs: list[str], start: Position | None, target: Position | Non
             f"{options} expect one map file, got {', '.join(specs)}: name one file, or write file?start=X,Y for each"
         )
     spec = parse_spec(specs[0])
-    if spec.path.is_dir():
+    if exists(spec.path) and spec.path.is_dir():
         raise MapError(f"{options} expect one map file, got the folder {spec.path}: name one of its files")
     for key in given:
         if getattr(spec, key) is not None:
@@ -146,7 +147,7 @@ def _split_preset(text: str) -> tuple[str, str]:
 
 
 def _exists(text: str) -> bool:
-    return bool(text) and Path(text).expanduser().exists()
+    return bool(text) and exists(expanded(text))
 
 
 def _numbers(spec: str, values: dict[str, str], key: str, count: int) -> list[float]:

@@ -14,6 +14,7 @@ import typer
 from common.errors import ConfigError
 from common.system.addresses import LOOPBACK, listening_address
 from common.system.extras import optional
+from common.system.paths import expanded
 
 TOKEN_VARIABLE: Final = "HD_PAGE_TOKEN"
 """Environment variable with the token."""
@@ -109,7 +110,7 @@ def _given_token(file: Path | None) -> str | None:
     if file is not None:
         where = str(file)
         try:
-            token = file.expanduser().read_text("utf-8").strip()
+            token = expanded(file).read_text("utf-8").strip()
         except (OSError, UnicodeDecodeError) as error:
             raise ConfigError(f"--page-token: cannot read {file}: {error}") from None
     elif TOKEN_VARIABLE in os.environ:

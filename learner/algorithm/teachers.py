@@ -7,8 +7,6 @@ beginning for reinforcement learning; and where an earlier policy is good alread
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -20,6 +18,7 @@ from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyNetwork
 from common.network.state import load_arrays
 from common.policies.policy_file import read_weights
+from common.system.paths import expanded
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.losses import log_marginal
 
@@ -44,7 +43,7 @@ class Teachers:
         self._policy: PolicyNetwork | None = None
         if self._earlier.any():
             assert config.learner.initial_policy is not None, "the configuration was checked"
-            weights, card = read_weights(Path(config.learner.initial_policy).expanduser())
+            weights, card = read_weights(expanded(config.learner.initial_policy))
             self._policy = make_policy_network(card.network).requires_grad_(False)
             load_arrays(self._policy, weights)
 

@@ -279,8 +279,28 @@ def test_photographs_are_turned_as_their_camera_says(tmp_path: Path) -> None:
     pixels[8:32, 8:72] = FREE
     exif = Image.Exif()
     exif[0x0112] = 6
-    Image.fromarray(pixels).save(tmp_path / "a.jpg", exif=exif, quality=95)
-    assert load_image(tmp_path / "a.jpg", start=(5.0, 10.0)).free.shape == (80, 40)
+    picture = Image.fromarray(pixels)
+    picture.save(tmp_path / "a.jpg", exif=exif, quality=95)
+    # Phones put a small preview behind the picture.
+    preview = {"format": "MPO", "save_all": True, "append_images": [picture.resize((20, 10))]}
+    picture.save(tmp_path / "b.jpg", exif=exif, quality=95, **preview)
+    for name in ("a.jpg", "b.jpg"):
+        assert load_image(tmp_path / name, start=(5.0, 10.0)).free.shape == (80, 40)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "a.png: expected an image .*, got an empty file: copy it again"),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "a.png is a pointer of Git LFS"),
+        (b"<!doctype html>\n<title>404</title>", "a.png is a web page"),
+        (b"Pf\n2 2\n-1.0\n" + bytes(16), "a.png: expected 8 or 16 bits a pixel, got numbers with fractions"),
+    ],
+)
+def test_what_came_in_place_of_an_image_is_told(tmp_path: Path, data: bytes, message: str) -> None:
+    (tmp_path / "a.png").write_bytes(data)
+    with pytest.raises(MapError, match=message):
+        load_image(tmp_path / "a.png")
 
 
 @pytest.mark.skipif(not PUBLIC.is_dir(), reason="public maps are not in ../shared/data/maps")

@@ -231,13 +231,42 @@ def test_values_of_a_pgm_count_by_the_white_of_its_header(tmp_path: Path, kind: 
     assert occupancy(read_pixels(tmp_path / "map.pgm"), read_map_server_file(path)).tolist() == [expected.tolist()]
 
 
+def test_the_unknown_of_map_saver_is_found_however_the_image_is_stored(tmp_path: Path) -> None:
+    """Behind a long comment, in colours, and in 16 bits that came about by a shift."""
+    path = write_ros(tmp_path / "plan.yaml", free_thresh=0.25)
+    size, pixels = b"60 40", room()
+    for data in (
+        b"P5\n#" + b" made by hand" * 500 + b"\n" + size + b" 254\n" + pixels.tobytes(),
+        b"P6 " + size + b" 254\n" + np.repeat(pixels.ravel(), 3).tobytes(),
+        b"P5 " + size + b" 65535\n" + (pixels.astype(np.uint16) << 8).astype(">u2").tobytes(),
+    ):
+        (tmp_path / "map.pgm").write_bytes(data)
+        assert np.array_equal(load_ros_map(path, start=CENTRE).free, (pixels == FREE)[::-1])
+
+
+def test_a_start_that_is_no_number_is_named(tmp_path: Path) -> None:
+    path = write_ros(tmp_path / "plan.yaml")
+    for places in ({"start": (math.nan, 1.0)}, {"start": CENTRE, "target": (1.0, math.inf)}):
+        with pytest.raises(MapError, match=r"plan.yaml: expected the (start|target) \(x, y\) in metres"):
+            load_ros_map(path, **places)
+
+
+def test_an_image_whose_name_no_system_takes_is_named(tmp_path: Path) -> None:
+    path = write_ros(tmp_path / "plan.yaml", image="map.pgm")
+    path.write_text(path.read_text().replace("map.pgm", "m" * 300 + ".pgm"))
+    with pytest.raises(MapError, match="there is no such file: correct the field image"):
+        load_ros_map(path, start=CENTRE)
+
+
 @pytest.mark.parametrize(
     ("data", "message"),
     [
+        (b"", "plan.yaml: expected the YAML file of a ROS map, got an empty file"),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "plan.yaml is a pointer of Git LFS"),
         ("image: mäp.pgm\n".encode("latin-1"), "expected text in UTF-8, got byte 0xe4 at 8 .*: save it as UTF-8"),
         (b"image: a\0b", "expected text in UTF-8, got zeros"),
         (b"just words", "got str"),
-        (b"", "got NoneType"),
+        (b"", "got an empty file"),
         (b"a: [1, 2", "got something else"),
         (b"[" * 30_000, "got something else"),
         (b"a: 1\n---\na: 2\n", "got something else"),

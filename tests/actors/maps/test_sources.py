@@ -108,6 +108,8 @@ def test_wrong_sources_say_what_to_do(tmp_path: Path) -> None:
     simple(single / in_train)
     for spec, task, message in (
         (str(tmp_path / "no"), "exploration", "no such folder: use a generator"),
+        ("~nobody-of-that-name/maps", "exploration", "no such folder: use a generator"),
+        (f"{'m' * 300}.png", "exploration", "no such folder: use a generator"),
         (str(no_target / "a.png"), "exploration", None),
         (str(no_target / "a.txt"), "exploration", "is a file, expected a map"),
         (f"{no_target / 'a.png'}#train", "exploration", "splits the maps of a folder, got one file"),
