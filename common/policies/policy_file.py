@@ -6,6 +6,7 @@ Weights lie in `<name>.safetensors` beside `<name>.json`, or card and network to
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
@@ -15,18 +16,19 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 from safetensors import SafetensorError
 from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
 from common.config import MappingConfig, NetworkConfig
-from common.errors import CheckpointError
+from common.errors import CheckpointError, WeightsError
 from common.extensions import GENERATOR_PREFIX
 from common.network.onnx_network import OnnxNetwork
 from common.policies import onnx_file
 from common.policies.policy import Policy
-from common.system.documents import parse_json, read_text
+from common.system.documents import DocumentError, parse_json, read_text
+from common.system.stand_ins import stand_in
 from common.tasks import BOTH
 
 FORMAT = 1
@@ -77,6 +79,8 @@ class PolicyCard:
     licence: str = "Apache-2.0"
     bench: dict[str, dict[str, float]] | None = None
 
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
     @property
     def tasks(self) -> frozenset[str]:
         """The tasks that it was trained for."""
@@ -84,16 +88,22 @@ class PolicyCard:
 
 
 def card_from(values: Mapping[str, Any]) -> PolicyCard:
-    """Make a card from plain values, as JSON holds them; TypeError or ValueError when they are none."""
-    return PolicyCard(
-        **{
-            **values,
-            "network": NetworkConfig.model_validate(values["network"]),
-            "mapping": MappingConfig.model_validate(values["mapping"]),
-            "maps": tuple(values.get("maps", ())),
-            "ranges": {name: (float(low), float(high)) for name, (low, high) in values.get("ranges", {}).items()},
-        }
-    )
+    """Make a card from plain values, as JSON holds them; CheckpointError when they are none."""
+    try:
+        return _cards().validate_python(values)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        if first["type"] in ("unexpected_keyword_argument", "extra_forbidden"):
+            raise CheckpointError(f"{where} is unknown here: it was made by another release, use that one") from None
+        if first["type"] in ("missing", "missing_argument"):
+            raise CheckpointError(f"{where} is missing: export the policy again") from None
+        raise CheckpointError(f"{where}: {first['msg']}, got {str(first['input'])[:60]!r}: correct it") from None
+
+
+@functools.cache
+def _cards() -> TypeAdapter[PolicyCard]:
+    return TypeAdapter(PolicyCard)
 
 
 def card_path(path: Path) -> Path:
@@ -165,9 +175,12 @@ def read_policy(path: Path) -> tuple[Policy, PolicyCard]:
         WeightsError: when the weights do not fit the network of the card.
     """
     card, data = _read(path)
-    if path.suffix == onnx_file.SUFFIX:
-        return Policy.with_network(card.network, OnnxNetwork(data), card.version), card
-    return Policy(card.network, _tensors(path, data), card.version), card
+    try:
+        if path.suffix == onnx_file.SUFFIX:
+            return Policy.with_network(card.network, OnnxNetwork(data), card.version), card
+        return Policy(card.network, _tensors(path, data), card.version), card
+    except WeightsError as error:
+        raise WeightsError(f"{path}: {error}") from None
 
 
 def read_weights(path: Path) -> tuple[dict[str, NDArray[Any]], PolicyCard]:
@@ -186,15 +199,27 @@ def _tensors(path: Path, data: bytes) -> dict[str, NDArray[Any]]:
     try:
         return load_tensors(data)
     except SafetensorError as error:
-        raise CheckpointError(f"cannot read the policy {path}: {error}") from error
+        raise CheckpointError(f"cannot read the policy {path}: {error}; copy or export it again") from error
+    except KeyError as error:
+        # NumPy has no such type.
+        raise CheckpointError(
+            f"cannot read the policy {path}: expected weights of float32, got {error.args[0]}: convert them"
+        ) from error
 
 
 def _read(path: Path) -> tuple[PolicyCard, bytes]:
     """Return the card and the bytes that it describes: of the weights, or of the ONNX model without its card."""
+    if path.suffix not in (SUFFIX, onnx_file.SUFFIX):
+        raise CheckpointError(
+            f"cannot read the policy {path}: expected a file ending in {SUFFIX} or {onnx_file.SUFFIX}, got "
+            f"{path.name!r}: name the weights, as `hd-learner export` writes them"
+        )
     try:
         if path.stat().st_size > MAX_BYTES:
             raise CheckpointError(f"{path} is no policy: it has more than {MAX_BYTES:,} bytes")
         data = path.read_bytes()
+        if instead := stand_in(data):
+            raise CheckpointError(f"cannot read the policy {path}: it {instead}")
         if path.suffix == onnx_file.SUFFIX:
             where = path
             data, text = onnx_file.split(data)
@@ -202,14 +227,35 @@ def _read(path: Path) -> tuple[PolicyCard, bytes]:
             where = card_path(path)
             text = read_text(where)
         values = parse_json(text)
-        written, digest = values.pop("format"), values.pop("sha256")
-        if written != FORMAT:
-            raise CheckpointError(f"{where} has format {written}, this software reads format {FORMAT}")
-        if hashlib.sha256(data).hexdigest() != digest:
-            raise CheckpointError(f"{path} is damaged, or not the file that the card in {where.name} describes")
-        return card_from(values), data
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, ValidationError) as error:
+    except FileNotFoundError as error:
+        raise CheckpointError(
+            f"cannot read the policy {path} with its card: there is no file {error.filename}: check the path, and keep "
+            "weights and card together"
+        ) from None
+    except DocumentError as error:
+        raise CheckpointError(f"cannot read the policy {path}: its card {card_path(path).name} {error}") from None
+    except (OSError, ValueError) as error:
         raise CheckpointError(f"cannot read the policy {path} with its card: {error}") from error
+    except CheckpointError as error:
+        raise CheckpointError(
+            str(error) if str(path) in str(error) else f"cannot read the policy {path}: {error}"
+        ) from None
+    if not isinstance(values, dict) or not {"format", "sha256"} <= set(values):
+        raise CheckpointError(
+            f"{where} is no card of a policy: expected a table of fields, with format and sha256 among them: copy or "
+            "export it again"
+        )
+    written, digest = values.pop("format"), values.pop("sha256")
+    if written != FORMAT:
+        raise CheckpointError(f"{where} has format {written!r}, this software reads format {FORMAT}: use that release")
+    if hashlib.sha256(data).hexdigest() != digest:
+        raise CheckpointError(
+            f"{path} is damaged, or not the file that the card in {where.name} describes: copy both again"
+        )
+    try:
+        return card_from(values), data
+    except CheckpointError as error:
+        raise CheckpointError(f"{where} is no card of this release: {error}") from None
 
 
 def _card_text(card: PolicyCard, data: bytes) -> bytes:

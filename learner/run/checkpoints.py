@@ -280,5 +280,7 @@ class CheckpointStore:
             if name not in files or not path.is_file():
                 raise CheckpointError(f"checkpoint {folder} is incomplete: {name} is missing")
             expected = files[name]
+            if not isinstance(expected, dict) or not {"bytes", "sha256"} <= set(expected):
+                raise CheckpointError(f"checkpoint {folder} is damaged: its {_MANIFEST} gives no digest of {name}")
             if path.stat().st_size != expected["bytes"] or file_digest(path) != expected["sha256"]:
                 raise CheckpointError(f"checkpoint {folder} is damaged: {name} does not match its digest")

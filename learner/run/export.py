@@ -39,12 +39,15 @@ def export_policy(run: Path, which: str, out: Path) -> PolicyCard:
     if name is None:
         raise CheckpointError(f"run {run.name} has no checkpoint yet")
     checkpoint = store.load(name)
+    document = checkpoint.document if name.startswith("policy-") else checkpoint.document.get("policy")
+    if not isinstance(document, dict):
+        raise CheckpointError(f"checkpoint {store.folder / name} describes no policy: export another one with --which")
     if name.startswith("policy-"):
-        card = card_from(checkpoint.document)
+        card = card_from(document)
         arrays = {key: tensor.numpy() for key, tensor in checkpoint.tensors.items()}
     else:
         sizes = {"network": config.network.model_dump(), "mapping": config.mapping.model_dump()}
-        card = card_from({**checkpoint.document["policy"], **sizes})
+        card = card_from({**document, **sizes})
         arrays = policy_of(checkpoint)
     if out.suffix == ONNX_SUFFIX:
         write_onnx(out, onnx_model(card.network, arrays), card)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from common.config import RunConfig
 from common.config.load import resolve
-from common.errors import CheckpointError, LockedError, StorageError
+from common.errors import CheckpointError, ConfigError, LockedError, StorageError
 from common.system.closing import Closing
 from common.system.documents import read_json
 from common.system.file_lock import FileLock
@@ -205,7 +205,9 @@ def check_run(path: Path, *, to_continue: bool = False) -> int:
     except (ValueError, KeyError, TypeError) as error:
         raise CheckpointError(f"{path / _MARKER} is damaged: {error!r}") from error
     if written not in range(1, FORMAT + 1):
-        raise CheckpointError(f"run {path} has format {written}, this software reads format {FORMAT} and earlier ones")
+        raise CheckpointError(
+            f"run {path} has format {written!r}, this software reads format {FORMAT} and earlier ones"
+        )
     if to_continue and written < OLDEST_CONTINUED:
         raise CheckpointError(
             f"run {path} has format {written}, and this software cannot read experience from before format "
@@ -222,6 +224,11 @@ def read_config(path: Path) -> RunConfig:
         return resolve(read_json(path / "config.json"))
     except (OSError, ValueError) as error:
         raise CheckpointError(f"{path / 'config.json'} cannot be read: {error}") from error
+    except ConfigError as error:
+        raise CheckpointError(
+            f"{path / 'config.json'} does not suit this release: {' '.join(str(error).split())}: use the release that "
+            "wrote it, or correct it"
+        ) from None
 
 
 def _config_text(config: RunConfig) -> str:

@@ -13,6 +13,7 @@ from common.errors import CheckpointError, HDError
 from common.policies.policy import Policy
 from common.policies.policy_file import read_policy
 from learner.loop import train
+from learner.run.checkpoints import CheckpointStore
 from learner.run.export import export_policy
 from learner.run.folder import RunFolder
 from learner.run.records import scan
@@ -317,6 +318,9 @@ def test_a_damaged_policy_file_is_refused(tmp_path):
         trainer.close()
     path = tmp_path / "p.safetensors"
     export_policy(run.path, "last", path)
+    CheckpointStore(run.path / "checkpoints", 3).save(99, {"export.x": torch.zeros(1)}, {})
+    with pytest.raises(CheckpointError, match="000000099 describes no policy: export another one"):
+        export_policy(run.path, "last", tmp_path / "other.safetensors")
     path.write_bytes(path.read_bytes()[:-4] + b"\0\0\0\1")
     with pytest.raises(CheckpointError, match="is damaged, or not the file"):
         read_policy(path)

@@ -118,6 +118,16 @@ def test_a_checkpoint_of_another_format_is_refused(tmp_path):
         CheckpointStore(tmp_path, keep=3).load("000000001")
 
 
+@pytest.mark.parametrize("entry", [5, {}, None])
+def test_a_manifest_without_a_digest_is_damage(tmp_path, entry):
+    store = CheckpointStore(tmp_path, keep=3)
+    folder = store.save(1, tensors(1), {})
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["files"]["state.json"] = entry
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    assert "gives no digest of state.json" in store.damaged()[folder.name]
+
+
 def test_kill_at_any_moment_of_writing_leaves_a_sound_checkpoint(tmp_path):
     # One process has torch ready; the writers that are killed are copies of it.
     program = textwrap.dedent("""

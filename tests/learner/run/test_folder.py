@@ -136,6 +136,19 @@ def test_a_run_of_an_unknown_format_is_refused(tmp_path, written):
         check_run(tmp_path / "a")
 
 
+def test_a_configuration_of_another_release_is_named(tmp_path):
+    RunFolder.create(tmp_path, RunConfig(name="a")).close()
+    file = tmp_path / "a" / "config.json"
+    values = json.loads(file.read_text())
+    values["learner"]["novel"] = 1
+    file.write_text(json.dumps(values))
+    with pytest.raises(
+        CheckpointError, match="config.json does not suit this release: .*learner.novel: unknown"
+    ) as caught:
+        RunFolder.open(tmp_path, "a")
+    assert "\n" not in str(caught.value)
+
+
 @pytest.mark.parametrize("name", ["run.json", "config.json"])
 def test_documents_that_nest_without_end_are_damaged_ones(tmp_path, name):
     with RunFolder.create(tmp_path, RunConfig(name="a")) as run:
