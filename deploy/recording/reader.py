@@ -18,8 +18,16 @@ from pydantic import ValidationError
 from deploy.config import DeployConfig
 from deploy.recording.chunks import MAX_CHUNK, records_before_cut, records_in
 from deploy.recording.errors import RecordingError
+from deploy.recording.storage import (
+    LEFT_OUT,
+    missing_files,
+    plain_payload,
+    read_sqlite,
+    storage_files,
+    storage_of,
+    uncompressed,
+)
 from deploy.recording.storage import Recorded as Recorded  # noqa: PLC0414  (exported from here too)
-from deploy.recording.storage import plain_payload, read_sqlite, storage_files, storage_of, uncompressed
 from deploy.recording.writer import CONFIG_NAME, BagWriter
 from deploy.ros2.messages import typestore
 from deploy.ros2.qos import RELIABLE
@@ -52,15 +60,18 @@ def read_bag(path: Path) -> Iterator[Recorded]:
     Raises:
         RecordingError: there is no recording.
     """
-    files = storage_files(path)
+    files = _files(path)
     for file in files:
         with uncompressed(file) as plain:
             if plain.stat().st_size:
                 yield from _read_mcap(plain) if storage_of(plain) == ".mcap" else read_sqlite(plain)
-            elif len(files) > 1:
-                log.warning("%s holds nothing: its recorder was ended before it wrote anything", file)
-            else:
-                raise RecordingError(f"{file} holds nothing: its recorder was ended before it wrote anything")
+                continue
+        problem = f"{file} holds nothing: its recorder was ended before it wrote anything"
+        if file.stat().st_size:
+            problem = f"{file} holds nothing that can be unpacked: copy it again, or name it without {file.suffix}"
+        if len(files) == 1:
+            raise RecordingError(problem)
+        log.warning(problem)
 
 
 def recorded_config(path: Path) -> DeployConfig | None:
@@ -91,13 +102,20 @@ def recover(path: Path, out: Path) -> int:
     Raises:
         RecordingError: there is no recording, or `out` exists.
     """
-    files = storage_files(path)
+    files = _files(path)
     with BagWriter(out, config=recorded_config(path)) as bag:
         for file in files:
             with uncompressed(file) as plain:
                 if plain.stat().st_size:
                     (_copy_mcap if storage_of(plain) == ".mcap" else _copy_sqlite)(plain, bag)
         return bag.count
+
+
+def _files(path: Path) -> list[Path]:
+    files = storage_files(path)
+    for name in missing_files(path):
+        log.warning("%s lacks %s, which its metadata.yaml lists: what was recorded there is missing", path, name)
+    return files
 
 
 class _Bounded:
@@ -116,13 +134,21 @@ class _Bounded:
 def _copy_mcap(file: Path, bag: BagWriter) -> None:
     schemas: dict[int, Schema] = {}
     copies: dict[int, int] = {}
+    left_out: set[int] = set()
     for record in _records(file):
         if isinstance(record, Schema):
             schemas[record.id] = record
-        elif isinstance(record, Channel) and record.id not in copies and record.schema_id in schemas:
-            schema = schemas[record.schema_id]
-            text = schema.data.decode("utf-8", "replace")
-            copies[record.id] = bag.add_topic(record.topic, schema.name, RELIABLE, text)
+        elif isinstance(record, Channel) and record.id not in copies and record.id not in left_out:
+            schema = schemas.get(record.schema_id)
+            if record.message_encoding != "cdr":
+                log.warning(LEFT_OUT, file, record.topic, record.message_encoding)
+                left_out.add(record.id)
+            elif schema is None:
+                log.warning("%s: the topic %s is left out: nothing tells the type of its messages", file, record.topic)
+                left_out.add(record.id)
+            else:
+                text = schema.data.decode("utf-8", "replace")
+                copies[record.id] = bag.add_topic(record.topic, schema.name, RELIABLE, text, schema.encoding)
         elif isinstance(record, Message) and record.channel_id in copies:
             copy = copies[record.channel_id]
             bag.write(copy, plain_payload(bytes(record.data)), record.log_time, record.publish_time, record.sequence)
@@ -150,6 +176,8 @@ def _read_mcap(path: Path) -> Iterator[Recorded]:
         if isinstance(record, Schema):
             kinds[record.id] = record.name
         elif isinstance(record, Channel):
+            if record.message_encoding != "cdr" and record.id not in channels:
+                log.warning(LEFT_OUT, path, record.topic, record.message_encoding)
             channels[record.id] = record
         elif isinstance(record, Message):
             channel = channels.get(record.channel_id)

@@ -17,16 +17,25 @@ from typing import IO, Any, Final, cast
 import lz4.frame
 import zstandard
 
+from common.system.documents import DocumentError, read_text
+from common.system.paths import exists, is_file
+from common.system.stand_ins import stand_in
 from deploy.recording.errors import RecordingError
 
 log = logging.getLogger(__name__)
 
+LEFT_OUT: Final = "%s: the topic %s is left out: its messages are packed as %r, expected cdr, as in ROS 2"
+"""Warning about a file's topic, with the packing."""
 STORAGES: Final = (".mcap", ".db3")
 _COMPRESSIONS: Final = (".zstd", ".zst", ".lz4")
 # A CDR payload begins with a zero, so that the first bytes of compressed data cannot be taken for one.
 _ZSTD: Final = b"\x28\xb5\x2f\xfd"
 _LZ4: Final = b"\x04\x22\x4d\x18"
 _BLOCK: Final = 1 << 20
+_ROS_1: Final = "; of a bag of ROS 1 `rosbags-convert --src FILE.bag --dst FOLDER` makes one"
+# Files in `metadata.yaml`, one a line as others write them, or in brackets as we do.
+_LIST: Final = re.compile(r"""relative_file_paths["']?\s*:\s*(\[[^\]]*\]|(?:-[ \t][^\n]*\n?[ \t]*)+)""")
+_LISTED: Final = re.compile(r"""[^\s\[\],"'-][^\n,\]"']*""")
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,27 +56,80 @@ class Recorded:
 
 
 def storage_files(path: Path) -> list[Path]:
-    """Return the files of a bag in their order; its `metadata.yaml`, which a recorder writes last, is not needed.
+    """Return the files of a bag in their order.
+
+    Its `metadata.yaml`, which a recorder writes last, is needed only where a folder holds the files of several.
 
     Args:
         path: folder of a bag, or one of its files: `.mcap` or `.db3`, perhaps compressed (`.zstd`, `.zst`, `.lz4`).
 
     Raises:
-        RecordingError: there is none.
+        RecordingError: there is none, there are several, or something else lies in the place of one.
     """
-    if path.is_file():
-        if storage_of(path):
-            return [path]
-        raise RecordingError(f"{path} is no recording: name the folder of a ROS 2 bag, or its .mcap or .db3 file")
-    if not path.is_dir():
+    if is_file(path):
+        if not storage_of(path):
+            hint = _ROS_1 if path.suffix == ".bag" else ""
+            raise RecordingError(
+                f"{path} is no recording: name the folder of a ROS 2 bag, or its .mcap or .db3 file{hint}"
+            )
+        files = [path]
+    elif exists(path) and path.is_dir():
+        files = sorted(_of_one_bag(path), key=_by_number)
+    else:
         raise RecordingError(f"no recording at {path}: give the folder of a bag, or an .mcap or .db3 file")
-    found = [file for file in path.iterdir() if file.is_file() and storage_of(file)]
+    for file in files:
+        with file.open("rb") as stream:
+            if instead := stand_in(stream.read(1024)):
+                raise RecordingError(f"{file} {instead}")
+    return files
+
+
+def missing_files(path: Path) -> list[str]:
+    """Return the names of the files that the `metadata.yaml` of a bag lists and that are not in its folder."""
+    there = {_plain_name(file) for file in storage_files(path)}
+    return [] if path.is_file() else [name for name in _listed(path) if _plain_name(Path(name)) not in there]
+
+
+def _of_one_bag(folder: Path) -> list[Path]:
+    """Return the storage files of the only bag in a folder, or of that which its `metadata.yaml` lists."""
+    # Hidden ones are notes of a file system, such as the ._NAME of a stick that was in a Mac.
+    found = [file for file in folder.iterdir() if not file.name.startswith(".") and storage_of(file) and is_file(file)]
     # A file that was compressed may still lie beside its compressed form.
     plain = {file.name for file in found}
     found = [file for file in found if file.suffix not in _COMPRESSIONS or file.stem not in plain]
     if not found:
-        raise RecordingError(f"{path} holds no .mcap and no .db3 file: name the folder of a ROS 2 bag")
-    return sorted(found, key=_by_number)
+        hint = _ROS_1 if any(folder.glob("*.bag")) else ""
+        raise RecordingError(f"{folder} holds no .mcap and no .db3 file: name the folder of a ROS 2 bag{hint}")
+    bags: dict[tuple[str, str], list[Path]] = {}
+    for file in sorted(found):
+        name = _plain_name(file).removesuffix(storage_of(file))
+        # `ros2 bag` numbers the files of one recording so: NAME_0, NAME_1.
+        bags.setdefault((re.sub(r"_[0-9]+$", "", name), storage_of(file)), []).append(file)
+    if len(bags) > 1:
+        listed = {_plain_name(Path(name)) for name in _listed(folder)}
+        chosen = {key: files for key, files in bags.items() if any(_plain_name(file) in listed for file in files)}
+        if not chosen:
+            names = ", ".join(files[0].name for files in bags.values())
+            raise RecordingError(
+                f"{folder} holds the files of {len(bags)} recordings ({names}), expected those of one: name a file, or "
+                "put each into a folder of its own"
+            )
+        bags = chosen
+    return [file for files in bags.values() for file in files]
+
+
+def _listed(folder: Path) -> list[str]:
+    """Return the files that the `metadata.yaml` of a bag lists; none where it cannot be read."""
+    try:
+        text = read_text(folder / "metadata.yaml")
+    except (OSError, DocumentError):
+        return []
+    found = _LIST.search(text)
+    return [] if found is None else [Path(name.strip()).name for name in _LISTED.findall(found[1])]
+
+
+def _plain_name(file: Path) -> str:
+    return file.stem if file.suffix in _COMPRESSIONS else file.name
 
 
 def storage_of(file: Path) -> str:
@@ -129,25 +191,32 @@ def read_sqlite(file: Path) -> Iterator[Recorded]:
         try:
             columns = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
             formats = "serialization_format" if "serialization_format" in columns else "'cdr'"
-            topics: dict[int, tuple[str, str]] = {
-                number: (name, kind)
-                for number, name, kind, form in database.execute(f"SELECT id, name, type, {formats} FROM topics")
-                if form == "cdr"
-            }
+            topics: dict[int, tuple[str, str]] = {}
+            for number, name, kind, form in database.execute(f"SELECT id, name, type, {formats} FROM topics"):
+                if form == "cdr":
+                    topics[number] = name, kind
+                else:
+                    log.warning(LEFT_OUT, file, name, form)
             rows = database.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id")
         except sqlite3.Error as error:
             raise RecordingError(f"{file} is no bag of ROS 2: {error}") from None
+        unusable = 0
         while True:
             try:
-                row: tuple[int, int, Any] | None = next(rows, None)
+                row: tuple[Any, Any, Any] | None = next(rows, None)
             except sqlite3.Error as error:
                 log.warning("%s is damaged, the rest is lost: %s", file, error)
-                return
+                break
             if row is None:
-                return
-            topic = topics.get(row[0])
-            if topic is not None:
-                yield Recorded(*topic, row[1], plain_payload(bytes(row[2])))
+                break
+            number, time, data = row
+            # A column of SQLite holds whatever was put into it.
+            if not (isinstance(time, int) and time >= 0 and isinstance(data, bytes)):
+                unusable += 1
+            elif number in topics:
+                yield Recorded(*topics[number], time, plain_payload(data))
+        if unusable:
+            log.warning("%s: %d messages are left out, they have no content or no time since 1970", file, unusable)
 
 
 @contextmanager

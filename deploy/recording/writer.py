@@ -99,7 +99,9 @@ class BagWriter(Closing):
         """Messages so far."""
         return sum(topic.count for topic in self.topics.values())
 
-    def add_topic(self, name: str, kind: str, qos: QoS, definition: str | None = None) -> int:
+    def add_topic(
+        self, name: str, kind: str, qos: QoS, definition: str | None = None, language: str = "ros2msg"
+    ) -> int:
         """Begin a topic and return its channel.
 
         Args:
@@ -107,11 +109,12 @@ class BagWriter(Closing):
             kind: message type; the distribution must know it, unless `definition` is given.
             qos: of its publisher.
             definition: text of the message definition, with those of all its parts.
+            language: what that is written in, ``ros2msg`` or ``ros2idl``.
         """
         with self._lock:
             if kind not in self._schemas:
                 text = definition or typestore(self._distro).generate_msgdef(kind, ros_version=2)[0]
-                self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", text.encode())
+                self._schemas[kind] = self._writer.register_schema(kind, language, text.encode())
             notes = {"offered_qos_profiles": json.dumps(qos_profiles(qos))}
             if kind in typestore(self._distro).fielddefs:
                 notes["topic_type_hash"] = type_hash(kind, self._distro)

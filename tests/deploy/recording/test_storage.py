@@ -2,8 +2,11 @@
 
 import shutil
 import sqlite3
+from contextlib import closing, suppress
 
 import lz4.frame
+import mcap.reader
+import mcap.writer
 import pytest
 import zstandard
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -13,8 +16,10 @@ from common.geometry import Pose
 from deploy.recording.errors import RecordingError
 from deploy.recording.reader import read_bag, recover
 from deploy.recording.storage import storage_files
+from deploy.recording.writer import BagWriter
 from deploy.ros2.conversions import odometry
 from deploy.ros2.messages import serialize, typestore
+from deploy.ros2.qos import RELIABLE
 
 KIND = "nav_msgs/msg/Odometry"
 COUNT = 20
@@ -113,6 +118,90 @@ def test_of_a_database_that_breaks_off_the_beginning_is_read(tmp_path, caplog):
     assert 0 < len(found) < len(whole) and found == whole[: len(found)]
     assert "breaks off" in caplog.text and ".recover" in caplog.text
     assert len(file.read_bytes()) < len(data), "the recording stays as it is"
+
+
+def test_a_folder_holds_one_recording(tmp_path):
+    """One that was converted in its folder counts once; of several the user chooses."""
+    bag = write(tmp_path / "bag", StoragePlugin.SQLITE3)
+    (converted,) = write(tmp_path / "other", StoragePlugin.MCAP).glob("*.mcap")
+    shutil.copy(converted, bag / "bag.mcap")
+    (bag / "._bag.db3").write_bytes(b"\0\5\26\7notes of a file system")
+    assert payloads(bag) == PAYLOADS
+    (bag / "metadata.yaml").unlink()
+    with pytest.raises(RecordingError, match=r"2 recordings \(bag.db3, bag.mcap\), expected those of one: name a file"):
+        payloads(bag)
+    assert payloads(bag / "bag.mcap") == PAYLOADS
+    for name in ("run1.mcap", "run2.mcap"):
+        shutil.copy(converted, tmp_path / name)
+    with pytest.raises(RecordingError, match="2 recordings"):
+        payloads(tmp_path)
+
+
+@pytest.mark.parametrize("listed", ['  "relative_file_paths": ["bag_0.mcap", "bag_1.mcap"],', None])
+def test_a_file_that_was_not_copied_is_named(tmp_path, listed, caplog):
+    bag = write(tmp_path / "bag", StoragePlugin.MCAP)
+    (bag / "bag.mcap").rename(bag / "bag_0.mcap")
+    notes = (bag / "metadata.yaml").read_text()
+    listed = listed or notes.replace("- bag.mcap", "- bag_0.mcap\n  - 'bag_1.mcap'")
+    (bag / "metadata.yaml").write_text(listed)
+    assert payloads(bag) == PAYLOADS
+    assert [record.message for record in caplog.records] == [
+        f"{bag} lacks bag_1.mcap, which its metadata.yaml lists: what was recorded there is missing"
+    ]
+
+
+def test_rows_that_are_no_messages_cost_no_other(tmp_path, caplog):
+    bag = write(tmp_path / "bag", StoragePlugin.SQLITE3)
+    with closing(sqlite3.connect(bag / "bag.db3")) as database, database:
+        for time, data in ((5, None), (5, "text"), (5, 7), (None, b"x"), ("now", b"x"), (-5, b"x")):
+            with suppress(sqlite3.IntegrityError):
+                database.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (1, ?, ?)", (time, data))
+    assert payloads(bag) == PAYLOADS
+    assert "messages are left out, they have no content or no time" in caplog.text
+    assert recover(bag, tmp_path / "whole") == COUNT
+
+
+@pytest.mark.parametrize("encoding", ["ros1", "json"])
+def test_messages_of_another_packing_are_left_out_with_a_word(tmp_path, encoding, caplog):
+    path = tmp_path / "other.mcap"
+    with path.open("wb") as stream:
+        writer = mcap.writer.Writer(stream)
+        writer.start()
+        schema = writer.register_schema(KIND, "ros1msg", b"int32 data")
+        writer.add_message(writer.register_channel("/odom", encoding, schema), 1, b"\0\1\0\0data", 1)
+        writer.add_message(writer.register_channel("/blank", "cdr", 0), 1, b"\0\1\0\0data", 1)
+        writer.finish()
+    assert [one.topic for one in read_bag(path)] == ["/blank"]
+    assert f"the topic /odom is left out: its messages are packed as '{encoding}', expected cdr" in caplog.text
+    # They would become CDR by name only.
+    assert recover(path, tmp_path / "whole") == 0
+    assert "the topic /blank is left out: nothing tells the type of its messages" in caplog.text
+
+
+def test_a_definition_keeps_its_language(tmp_path):
+    with BagWriter(tmp_path / "bag") as bag:
+        channel = bag.add_topic("/thing", "my_msgs/msg/Thing", RELIABLE, "module my_msgs {};", "ros2idl")
+        bag.write(channel, b"\0\1\0\0data", 1)
+    recover(tmp_path / "bag", tmp_path / "whole")
+    with (tmp_path / "whole" / "whole_0.mcap").open("rb") as stream:
+        (schema,) = mcap.reader.make_reader(stream).get_summary().schemas.values()
+    assert (schema.encoding, schema.data) == ("ros2idl", b"module my_msgs {};")
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "words"),
+    [
+        ("a.mcap", b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "a.mcap is a pointer of Git LFS"),
+        ("a.db3", b"<!DOCTYPE html>", "a.db3 is a web page"),
+        ("a.bag", b"#ROSBAG V2.0\n", "name the folder of a ROS 2 bag.*; of a bag of ROS 1 `rosbags-convert"),
+        ("a.mcap.zstd", b"plain", "holds nothing that can be unpacked: copy it again, or name it without .zstd"),
+    ],
+)
+def test_what_lies_in_the_place_of_a_recording_is_told(tmp_path, name, data, words):
+    (tmp_path / name).write_bytes(data)
+    for path in (tmp_path / name, tmp_path):
+        with pytest.raises(RecordingError, match=words):
+            payloads(path)
 
 
 def test_files_of_a_split_bag_come_in_the_order_of_their_numbers(tmp_path):
