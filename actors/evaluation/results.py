@@ -14,13 +14,16 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from common.errors import HDError
 from common.ids import ID_PATTERN
+from common.system.paths import exists
 from common.system.remote_files import fetched
+from common.system.stand_ins import stand_in
 from common.system.text_files import decode_text
 
 # Coordinates and distances are rounded to so many places: far below a cell, and files stay small.
 PLACES = 4
 # A packed file may unpack to so many bytes: ten times what a hundred episodes in large worlds take.
 LARGEST = 1 << 28
+_GZIP = b"\x1f\x8b"
 
 Distance = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Coordinate = Annotated[float, Field(allow_inf_nan=False)]
@@ -167,7 +170,10 @@ def read_record(path: Path, kind: type[R], command: str) -> R:
     """Read and check results of some kind, which a command makes. See `read_results`."""
     try:
         data = path.read_bytes()
-        return kind.model_validate_json(decode_text(_unpacked(data) if path.suffix == ".gz" else data))
+        if instead := stand_in(data):
+            raise ValueError(f"it {instead}")
+        # By content: browsers unpack files and leave their names as they were.
+        return kind.model_validate_json(decode_text(_unpacked(data) if data.startswith(_GZIP) else data))
     except OSError as error:
         raise ResultsError(f"cannot read {path} ({error.strerror}): name a results file of '{command}'") from error
     except ValidationError as error:
@@ -195,13 +201,19 @@ def write_packed(path: Path, place: Path) -> None:
 
 def _unpacked(data: bytes) -> bytes:
     """Return what gzip packed; ValueError where that is damaged, or would be larger than `LARGEST`."""
-    unpacking = zlib.decompressobj(wbits=16 + zlib.MAX_WBITS)
-    try:
-        found = unpacking.decompress(data, LARGEST)
-    except zlib.error as error:
-        raise ValueError(f"it is no whole gzip file ({error})") from None
-    if not unpacking.eof:
-        raise ValueError(f"it is cut off, or unpacks to more than {LARGEST >> 20} MiB")
+    found = b""
+    # Such files may be joined, and so do tools that pack in parallel.
+    while data.startswith(_GZIP):
+        unpacking = zlib.decompressobj(wbits=16 + zlib.MAX_WBITS)
+        try:
+            found += unpacking.decompress(data, LARGEST - len(found))
+        except zlib.error as error:
+            raise ValueError(f"it is no whole gzip file ({error})") from None
+        if not unpacking.eof:
+            raise ValueError(f"it is cut off, or unpacks to more than {LARGEST >> 20} MiB")
+        data = unpacking.unused_data
+        if data and len(found) >= LARGEST:
+            raise ValueError(f"it unpacks to more than {LARGEST >> 20} MiB")
     return found
 
 
@@ -222,7 +234,9 @@ def collect(places: Sequence[str | Path], read: Callable[[Path], A], command: st
     try:
         with fetched(places, (".json", ".json.gz")) as local:
             for place in local:
-                files += sorted([*place.glob("*.json"), *place.glob("*.json.gz")]) if place.is_dir() else [place]
+                # Hidden ones are notes of a file system, such as the ._NAME of a stick that was in a Mac.
+                named = (*place.glob("[!.]*.json"), *place.glob("[!.]*.json.gz"))
+                files += sorted(named) if exists(place) and place.is_dir() else [place]
             found = [read(file) for file in files]
     except FileNotFoundError as error:
         raise ResultsError(f"there is no results file {error}: make one with '{command}'") from error

@@ -10,10 +10,12 @@ from typing import Literal
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from actors.evaluation.omniscient import NAME as OMNISCIENT
 from actors.evaluation.results import Results
 from actors.evaluation.statistics import Comparison, Summary, compare, distance_ratio, find, group_means, summarise
+from common.system.printable import printable
 
 Format = Literal["text", "markdown", "latex", "csv"]
 Units = Literal["m", "px"]
@@ -71,6 +73,9 @@ def notes(found: Sequence[Results], baseline: str | None) -> list[str]:
     lines += _unseen(found)
     if len({frozenset(episode.map for episode in results.episodes) for results in found}) > 1:
         lines.append("Not all planners have the same maps: means differ in their maps, ratios and tests are paired.")
+    ranges = sorted({results.sensor_range_m for results in found})
+    if len(ranges) > 1:
+        lines.append(f"Sensor ranges differ ({', '.join(f'{each:g}' for each in ranges)} m): so do the distances.")
     if baseline is not None:
         lines.append(
             f"Ratios and differences are paired by map with {baseline}; interval: bootstrap over maps, 9,999 resamples."
@@ -99,7 +104,9 @@ def _unseen(found: Sequence[Results]) -> list[str]:
 
 
 def render(titles: Sequence[str], rows: Rows, style: Format, remarks: Sequence[str] = ()) -> str:
-    """Write the table out; CSV has no remarks."""
+    """Write the table out; CSV has no remarks. Names in results of others may hold anything."""
+    titles, remarks = [printable(title) for title in titles], [printable(remark) for remark in remarks]
+    rows = [[printable(cell) for cell in row] for row in rows]
     if style == "csv":
         out = io.StringIO()
         csv.writer(out, lineterminator="\n").writerows([list(titles), *rows])
@@ -147,9 +154,9 @@ def _probability(value: float) -> str:
 def _text(titles: Sequence[str], rows: Rows, remarks: Sequence[str]) -> str:
     table = Table(box=None, pad_edge=False)
     for number, title in enumerate(titles):
-        table.add_column(title.replace("[", "\\["), justify="left" if number == 0 else "right", no_wrap=True)
+        table.add_column(Text(title), justify="left" if number == 0 else "right", no_wrap=True)
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(Text, row))
     console = Console(file=io.StringIO(), width=400, color_system=None)
     console.print(table)
     assert isinstance(console.file, io.StringIO)
@@ -158,8 +165,9 @@ def _text(titles: Sequence[str], rows: Rows, remarks: Sequence[str]) -> str:
 
 
 def _markdown(titles: Sequence[str], rows: Rows, remarks: Sequence[str]) -> str:
-    lines = ["| " + " | ".join(titles) + " |", "| --- |" + " ---: |" * (len(titles) - 1)]
-    lines += ["| " + " | ".join(row) + " |" for row in rows]
+    cells = [[cell.replace("|", "\\|") for cell in row] for row in (titles, *rows)]
+    lines = ["| " + " | ".join(row) + " |" for row in cells]
+    lines.insert(1, "| --- |" + " ---: |" * (len(titles) - 1))
     return "\n".join([*lines, "", *remarks]) + "\n"
 
 
@@ -175,4 +183,5 @@ def _escape(text: str) -> str:
     return text.translate(_LATEX)
 
 
-_LATEX = str.maketrans({"\\": "\\textbackslash{}"} | {character: f"\\{character}" for character in "&%$#_{}"})
+_NAMED = {"\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}"}
+_LATEX = str.maketrans(_NAMED | {character: f"\\{character}" for character in "&%$#_{}"})

@@ -72,12 +72,32 @@ def test_packed_results_are_read_like_others_and_damage_is_named(tmp_path):
     assert packed.read_bytes() == whole
     for damaged, word in (
         (whole[:-9], "cut off"),
-        (b"{}", "no whole gzip file"),
+        (whole[:20] + b"\xff" + whole[21:], "no whole gzip file|cut off"),
+        (b"version https://git-lfs.github.com/spec/v1\n", "it is a pointer of Git LFS"),
         (gzip.compress(bytes(LARGEST + 1), 1), "more than 256 MiB"),
     ):
         packed.write_bytes(damaged)
         with pytest.raises(ResultsError, match=word):
             collect_results([packed])
+
+
+def test_results_are_unpacked_by_their_content(tmp_path):
+    """Browsers unpack what they download, and tools that pack in parallel join several parts."""
+    write_results(tmp_path / "a.json", results("a"))
+    plain = (tmp_path / "a.json").read_bytes()
+    for name, data in (
+        ("unpacked.json.gz", plain),
+        ("packed.json", gzip.compress(plain)),
+        ("joined.json.gz", gzip.compress(plain[:50]) + gzip.compress(plain[50:])),
+    ):
+        (tmp_path / name).write_bytes(data)
+        assert read_results(tmp_path / name) == results("a")
+
+
+def test_hidden_files_are_no_results(tmp_path):
+    write_results(tmp_path / "a.json", results("a"))
+    (tmp_path / "._a.json").write_bytes(b"\0\5\26\7")
+    assert [found.planner for found in collect_results([tmp_path])] == ["a"]
 
 
 def test_files_and_folders_are_collected(tmp_path):

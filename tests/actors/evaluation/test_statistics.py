@@ -87,6 +87,21 @@ def test_the_table_in_all_formats():
     assert rows[0][titles.index("mean [px]")] == "81.3"
 
 
+def test_names_in_a_table_stay_what_they_are():
+    """A planner of somebody else's results may have any name."""
+    titles, rows = make_rows([results("[bold]a|b~c\x1b[31m\n")], None)
+    shown = "[bold]a|b~c\\x1b[31m\\x0a"
+    assert shown in render(titles, rows, "text")
+    assert shown.replace("|", "\\|") in render(titles, rows, "markdown")
+    assert "a|b\\textasciitilde{}c" in render(titles, rows, "latex")
+
+
+def test_the_notes_tell_of_other_sensors():
+    found = [results("a"), results("b").model_copy(update={"sensor_range_m": 7.5})]
+    assert any(line.startswith("Sensor ranges differ (7.5, ") for line in notes(found, None))
+    assert not any("Sensor" in line for line in notes(found[:1], None))
+
+
 def test_the_notes_tell_of_failures_and_of_other_maps():
     found = [results("a", success=[True, False, False]), results("b", (1.0, 2.0))]
     text = " ".join(notes(found, None))
