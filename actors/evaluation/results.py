@@ -94,8 +94,8 @@ class Results(Record):
     """
 
     task: TaskId
-    metres_per_pixel: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-    sensor_range_m: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+    metres_per_pixel: Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
+    sensor_range_m: Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
     units: Literal["px"] = "px"
     planner: Name
     commit: str

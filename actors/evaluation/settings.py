@@ -51,7 +51,7 @@ class EvaluationSettings(BaseModel):
 
     maps: tuple[str, ...]
     limit: Annotated[int, Field(ge=1)] | None = None
-    metres_per_pixel: Annotated[float, Field(gt=0.0)] = 0.25
+    metres_per_pixel: Annotated[float, Field(gt=0.0, le=1e6)] = 0.25
     task: TaskConfig = TaskConfig()
     mapping: MappingConfig = MappingConfig()
     simulator: SimulatorConfig = SimulatorConfig(name="grid")

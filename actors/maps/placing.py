@@ -20,6 +20,8 @@ SMALLEST_ROOM: Final = 0.25
 """Square metres: who can reach no more than this from the start stands in a speck of the image and in no room."""
 MAX_COORDINATE: Final = 1e8
 """Metres from the origin of a map's frame, beyond which no place of a map lies: UTM coordinates are less."""
+MAX_SCALE: Final = 1e6
+"""Metres per pixel, as in the settings."""
 
 
 def place(
@@ -50,6 +52,11 @@ def place(
     Raises:
         MapError: nothing is free, or a position is outside, not free, or cut off.
     """
+    # Written so that NaN is not within.
+    if not 0.0 < resolution <= MAX_SCALE:
+        raise MapError(
+            f"{path}: expected metres per pixel above 0 and up to {MAX_SCALE:g}, got {resolution:g}: correct it"
+        )
     for what, position in (("start", start), ("target", target)):
         if position is not None and not all(math.isfinite(coordinate) for coordinate in position):
             raise MapError(f"{path}: expected the {what} (x, y) in metres, got {_shown(position)}: correct it")

@@ -8,6 +8,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 Positive = Annotated[float, Field(gt=0.0)]
+# Metres: more than any world has, and little enough to be counted in cells.
+Length = Annotated[float, Field(gt=0.0, le=1e6)]
 
 
 class Section(BaseModel):

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from common.config.section import Positive, Section
+from common.config.section import Length, Positive, Section
 from common.ids import ID_PATTERN
 
 
@@ -25,7 +25,7 @@ class MapsConfig(Section):
     validation_navigation: tuple[str, ...] = ()
     """Validation worlds for navigation when `both_tasks` is set; each task gets half of `validation_count`. Default:
     `validation`."""
-    metres_per_pixel: Positive | None = None
+    metres_per_pixel: Length | None = None
     """Scale of images and generated worlds. Default: the scale of their set (`worlds.toml`), else 0.25. ROS maps carry
     their own."""
 
@@ -33,21 +33,21 @@ class MapsConfig(Section):
 class MappingConfig(Section):
     """Belief, viewpoint graph, utility and beacons: the same in simulation and on the robot."""
 
-    resolution: Positive = 0.25
+    resolution: Length = 0.25
     """Cell size of the belief, metres."""
-    sensor_range: Positive = 20.0
+    sensor_range: Length = 20.0
     """Range of the robot's sensor, metres; a longer reading means free space up to this range."""
-    viewpoint_spacing: Positive = 4.0
+    viewpoint_spacing: Length = 4.0
     """Distance between neighbouring viewpoints of the lattice, metres."""
-    robot_radius: Annotated[float, Field(ge=0.0)] = 0.0
+    robot_radius: Annotated[float, Field(ge=0.0, le=1e3)] = 0.0
     """Radius of the robot, metres: edges of the viewpoint graph keep at least this clearance. 0 for a point robot."""
-    utility_range: Positive | None = None
+    utility_range: Length | None = None
     """Distance up to which a viewpoint observes frontiers, metres. Default: the sensor range."""
     min_utility: Annotated[int, Field(ge=1)] = 2
     """Viewpoints that observe fewer frontiers have utility 0, as long as any viewpoint observes this many."""
     least_utility: Annotated[int, Field(ge=1)] = 2
     """Replaces `min_utility` once no viewpoint observes `min_utility` frontiers."""
-    beacon_range: Positive = 20.0
+    beacon_range: Length = 20.0
     """d_th of Algorithm 1, metres: a beacon covers the useful viewpoints within this distance in line of sight."""
 
     @property
@@ -97,13 +97,13 @@ class FamilyConfig(Section):
     it has learned."""
     share: Positive = 1.0
     """Share of all steps, relative to the other families."""
-    sensor_range: tuple[Positive, Positive] | None = None
+    sensor_range: tuple[Length, Length] | None = None
     """Sensor range, drawn per episode between two bounds, metres. Default: `mapping.sensor_range`. The ranges of
     utilities and beacons scale with it."""
-    viewpoint_spacing: tuple[Positive, Positive] | None = None
+    viewpoint_spacing: tuple[Length, Length] | None = None
     """Distance between neighbouring viewpoints, drawn per episode between two bounds, metres. Default:
     `mapping.viewpoint_spacing`."""
-    robot_radius: tuple[Annotated[float, Field(ge=0.0)], Annotated[float, Field(ge=0.0)]] | None = None
+    robot_radius: tuple[Annotated[float, Field(ge=0.0, le=1e3)], Annotated[float, Field(ge=0.0, le=1e3)]] | None = None
     """Radius of the robot, drawn per episode between two bounds, metres. Default: `mapping.robot_radius`."""
     max_steps: Annotated[int, Field(ge=1, le=10_000)] | None = None
     """Upper bound of the decisions per episode; below it each world's limit follows from its size. Default:

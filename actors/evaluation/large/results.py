@@ -110,8 +110,8 @@ class LargeResults(Record):
 
     kind: Literal["large"] = "large"
     task: TaskId
-    metres_per_pixel: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-    sensor_range_m: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+    metres_per_pixel: Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
+    sensor_range_m: Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
     planner: Name
     commit: str
     seed: int

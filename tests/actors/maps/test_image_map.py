@@ -1,3 +1,4 @@
+import math
 import resource
 import struct
 import time
@@ -286,6 +287,12 @@ def test_photographs_are_turned_as_their_camera_says(tmp_path: Path) -> None:
     picture.save(tmp_path / "b.jpg", exif=exif, quality=95, **preview)
     for name in ("a.jpg", "b.jpg"):
         assert load_image(tmp_path / name, start=(5.0, 10.0)).free.shape == (80, 40)
+
+
+@pytest.mark.parametrize("scale", [0.0, -0.05, math.nan, math.inf, 1e300])
+def test_a_scale_that_is_none_is_named(tmp_path: Path, scale: float) -> None:
+    with pytest.raises(MapError, match="a.png: expected metres per pixel above 0"):
+        load_image(simple(tmp_path / "a.png"), scale)
 
 
 @pytest.mark.parametrize(

@@ -70,6 +70,8 @@ def test_command_line_values_are_read_as_the_setting_wants_them(override, value)
         (["bus.tls_ca=ca.pem"], {}, ["tls_certificate", "all three or none"]),
         (["sac.gamma=NaN"], {}, ["sac.gamma", "finite"]),
         (["seed=99999999999999999999"], {}, ["seed", "less than or equal to"]),
+        (["mapping.sensor_range=1e300"], {}, ["mapping.sensor_range", "less than or equal to 1000000"]),
+        (["maps.metres_per_pixel=1e300"], {}, ["maps.metres_per_pixel", "less than or equal to"]),
         (["sac.gamma=true"], {}, ["sac.gamma", "a number, and not true or false"]),
     ],
 )
