@@ -138,14 +138,18 @@ def _bounds(field: FieldInfo) -> str:
     parts = []
     for item in _constraints(field):
         if isinstance(item, Ge):
-            parts.append(f"≥ {item.ge:g}")
+            parts.append(f"≥ {_number(item.ge)}")
         elif isinstance(item, Gt):
-            parts.append(f"> {item.gt:g}")
+            parts.append(f"> {_number(item.gt)}")
         elif isinstance(item, Le):
-            parts.append(f"≤ {item.le:g}")
+            parts.append(f"≤ {_number(item.le)}")
         elif isinstance(item, Lt):
-            parts.append(f"< {item.lt:g}")
+            parts.append(f"< {_number(item.lt)}")
     return f" {', '.join(parts)}" if parts else ""
+
+
+def _number(bound: Any) -> str:
+    return str(bound) if isinstance(bound, int) else f"{bound:g}"
 
 
 def _constraints(field: FieldInfo) -> list[Any]:

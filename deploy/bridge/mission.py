@@ -168,7 +168,7 @@ class Mission:
         """
         with self._lock:
             if self._orders.moving or self._orders.phase is Phase.PAUSED:
-                self._change(Phase.ABORTED, f"{reason}: only a new `start` moves the robot")
+                self._change(Phase.ABORTED, f"{reason}: the robot stands until it is told to start")
 
     def return_home(self, reason: str = "called home by command") -> None:
         """Drive to where the task began.

@@ -68,7 +68,7 @@ def test_a_release_needs_who_and_why_and_starts_nothing(paused):
     if paused:
         mission.pause()
     assert commands.carry_out("stop", {"reason": "a person"})["state"] == "aborted"
-    assert mission.orders.reason.startswith("emergency stop (a person) until it is released: only a new `start` ")
+    assert mission.orders.reason.startswith("emergency stop (a person) until it is released: the robot stands")
     for incomplete in ({}, {"who": "anna"}, {"why": "clear"}, {"who": " ", "why": "x"}, {"who": 1, "why": ["x"]}):
         with pytest.raises(CommandError, match="command release --who NAME --why REASON"):
             commands.carry_out("release", incomplete)
