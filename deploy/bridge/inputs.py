@@ -8,10 +8,12 @@ from collections.abc import Callable
 
 from common.geometry import Pose
 from deploy.config import DeployConfig
+from deploy.mapping.frames import plain
 from deploy.mapping.robot_map import RobotMap
 from deploy.ros2 import LATCHED, RELIABLE, SENSOR, STATIC, Message, Node, QoS, Received, RosError, seconds
 from deploy.ros2.conversions import cloud_note, grid_from, points_from, pose_from, scan_from, scan_note, transforms_from
 from deploy.safety.health import Fault, FaultKind, HealthMonitor
+from deploy.safety.sensor_watch import MAX_LIDARS
 from deploy.safety.sight import Sight
 
 # Poses come fast; those that a busy moment leaves waiting are still good for the buffer.
@@ -35,7 +37,7 @@ class Inputs:
         self._map = robot_map
         self._health = health
         self._arrived: dict[str, float] = {}
-        self._sight = {name: Sight(config.safety, config.sensing.range_min) for name in ("scan", "points")}
+        self._sight: dict[tuple[str, str], Sight] = {}
         self._lock = threading.Lock()
         self._travelled = 0.0
         self._last_position: tuple[float, float] | None = None
@@ -106,15 +108,15 @@ class Inputs:
         try:
             read = scan_from(scan)
         except RosError as error:
-            self._sensed("scan", received, stamp, Fault(FaultKind.SENSOR_INVALID, str(error)))
+            self._sensed("scan", received, scan, Fault(FaultKind.SENSOR_INVALID, str(error)))
             raise
         self._map.note(scan_note(scan))
-        fault = self._sight["scan"].scan(scan, read, self._map.pose, received.time)
+        fault = self._sight_of("scan", scan).scan(scan, read, self._map.pose, received.time)
         if fault is None or fault.kind is FaultKind.SENSOR_BLIND:
             self._map.add_scan(stamp, read, scan.header.frame_id)
         else:
             self._map.refuse(fault.kind.value, fault.reason)
-        self._sensed("scan", received, stamp, fault)
+        self._sensed("scan", received, scan, fault)
 
     def take_points(self, cloud: Message, received: Received) -> None:
         """Take a sensor_msgs/PointCloud2; one that is not sound is no part of the map."""
@@ -122,15 +124,15 @@ class Inputs:
         try:
             points = points_from(cloud)
         except RosError as error:
-            self._sensed("points", received, stamp, Fault(FaultKind.SENSOR_INVALID, str(error)))
+            self._sensed("points", received, cloud, Fault(FaultKind.SENSOR_INVALID, str(error)))
             raise
         self._map.note(cloud_note(cloud))
-        fault = self._sight["points"].points(cloud, points, self._map.pose, received.time)
+        fault = self._sight_of("points", cloud).points(cloud, points, self._map.pose, received.time)
         if fault is None or fault.kind is FaultKind.SENSOR_BLIND:
             self._map.add_points(stamp, points, cloud.header.frame_id)
         else:
             self._map.refuse(fault.kind.value, fault.reason)
-        self._sensed("points", received, stamp, fault)
+        self._sensed("points", received, cloud, fault)
 
     def take_grid(self, grid: Message, received: Received) -> None:
         """Take a nav_msgs/OccupancyGrid."""
@@ -150,10 +152,24 @@ class Inputs:
                 self._last_position = pose.position
                 self._travelled += step
 
-    def _sensed(self, name: str, received: Received, stamp: float | None = None, fault: Fault | None = None) -> None:
+    def _sight_of(self, name: str, sent: Message) -> Sight:
+        """Return what looks at the messages of a lidar: several share a topic, each with its own frame."""
+        lidar = name, plain(sent.header.frame_id)
+        if lidar not in self._sight and len(self._sight) >= MAX_LIDARS:
+            lidar = name, ""
+        if lidar not in self._sight:
+            self._sight[lidar] = Sight(self._config.safety, self._config.sensing.range_min)
+        return self._sight[lidar]
+
+    def _sensed(self, name: str, received: Received, sent: Message | None = None, fault: Fault | None = None) -> None:
         self._came(name, received)
-        if name == self._config.sensing.source:
-            self._health.heard_sensor(received.time, stamp, fault)
+        if name != self._config.sensing.source:
+            return
+        if sent is None:
+            self._health.heard_sensor(received.time)
+        else:
+            stamp, frame = seconds(sent.header.stamp), plain(sent.header.frame_id)
+            self._health.heard_sensor(received.time, stamp, fault, frame)
 
     def _came(self, name: str, received: Received) -> None:
         with self._lock:

@@ -36,6 +36,8 @@ FRAME_PATIENCE: Final = 2.0
 MAX_STREAMS: Final = 1000
 # A stamp that lies so much further back than the newest one means that the clock was set back, seconds.
 CLOCK_JUMP: Final = 10.0
+# What a lidar saw is no obstacle any more when others on its topic have been stamped so much later, seconds.
+_SILENT: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,7 +107,7 @@ class Intake:
         self.ready: deque[tuple[Beams, Pose]] = deque()
         self.cloud: Cloud | None = None
         self.volume = ExploredVolume()
-        self._newest: dict[type, tuple[float, NDArray[np.float64]]] = {}
+        self._newest: dict[tuple[type, str], tuple[float, NDArray[np.float64]]] = {}
 
     @property
     def waiting(self) -> int:
@@ -198,7 +200,7 @@ class Intake:
         self._waiting = left
 
     def obstacles(self) -> NDArray[np.float64] | None:
-        """Return the obstacles of the newest scan and the newest cloud, map frame, shape (n, 2); None before any."""
+        """Return the obstacles of every lidar's newest scan or cloud, map frame, shape (n, 2); None before any."""
         self.resolve()
         if not self._newest:
             return None
@@ -312,9 +314,7 @@ class Intake:
             )
             self.cloud = Cloud(message.data, transform, sensor.translation, placed.floor)
         kind = type(message.data)
-        newest = self._newest.get(kind)
-        if newest is None or not newest[0] - CLOCK_JUMP <= message.time < newest[0]:
-            self._newest[kind] = (message.time, beams.ends(pose))
+        self._note_obstacles((kind, message.frame), message.time, beams.ends(pose))
         if sensing.source == ("scan" if kind is Scan else "points"):
             self.ready.append((beams, pose))
             if len(self.ready) > MAX_READY:
@@ -322,3 +322,15 @@ class Intake:
                 self.messages.drop(
                     "map not refreshed", f"more than {MAX_READY} scans wait for the map: refresh it more often"
                 )
+
+    def _note_obstacles(self, lidar: tuple[type, str], time: float, points: NDArray[np.float64]) -> None:
+        """Keep what a lidar saw last; several share a topic, each with its own frame."""
+        newest = self._newest.get(lidar)
+        if newest is not None and newest[0] - CLOCK_JUMP <= time < newest[0]:
+            return
+        self._newest = {
+            other: seen
+            for other, seen in self._newest.items()
+            if other[0] is not lidar[0] or abs(time - seen[0]) <= _SILENT
+        }
+        self._newest[lidar] = (time, points)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import hypot, isfinite
-from typing import Final
 
 from common.geometry import Pose
 from deploy.config import Point, SafetyConfig
@@ -12,10 +11,8 @@ from deploy.safety.faults import Fault as Fault  # noqa: PLC0414  (exported from
 from deploy.safety.faults import FaultKind as FaultKind  # noqa: PLC0414
 from deploy.safety.geofence import Geofence
 from deploy.safety.motion import MotionWatch
+from deploy.safety.sensor_watch import SensorWatch
 from deploy.safety.stamps import Order, StampOrder
-
-# A sensor may spoil a message or two; so many in a row are a fault.
-_UNSOUND: Final = 3
 
 
 class HealthMonitor:
@@ -50,10 +47,7 @@ class HealthMonitor:
 
     def reset(self) -> None:
         """Forget everything that was heard, as when the robot's software starts anew."""
-        self._sensor_time: float | None = None
-        self._sensor_arrived: float | None = None
-        self._sensor_order = StampOrder()
-        self._unsound: tuple[int, Fault] | None = None
+        self._sensors = SensorWatch(self._sensor, self._config.scan_timeout)
         self._pose_arrived: float | None = None
         self._pose_order = StampOrder()
         self._clock: tuple[float, str] | None = None
@@ -63,7 +57,7 @@ class HealthMonitor:
         self._jump: tuple[float, str] | None = None
         self._policy_error: str | None = None
 
-    def heard_sensor(self, now: float, stamp: float | None = None, fault: Fault | None = None) -> None:
+    def heard_sensor(self, now: float, stamp: float | None = None, fault: Fault | None = None, frame: str = "") -> None:
         """A scan, cloud or map arrived.
 
         Args:
@@ -71,16 +65,11 @@ class HealthMonitor:
             stamp: the message's own time, robot clock, seconds, which has to advance; not given for maps, which may
                 be published again as they are.
             fault: what is wrong with the message itself, as `Sight` says; None when it is sound.
+            frame: of its header, by which several lidars on one topic are told apart.
         """
-        self._sensor_arrived = now
-        news = stamp is None or self._advances(self._sensor_order, stamp, now)
-        if fault is not None:
-            count = 1 if self._unsound is None else self._unsound[0] + 1
-            self._unsound = count, fault
-            return
-        if news:
-            self._unsound = None
-            self._sensor_time = now
+        order = self._sensors.order(now, frame)
+        news = stamp is None or self._advances(order, stamp, now)
+        self._sensors.take(now, frame, fault, news=news)
 
     def updated_map(self, now: float) -> None:
         """The belief took in what had arrived."""
@@ -139,7 +128,8 @@ class HealthMonitor:
             waypoint: where the robot is sent, (x, y) in metres.
             is_free: whether a position is known to be free in the belief.
         """
-        faults = [*self._sensor_faults(now), *self._pose_faults(now)]
+        sensor = None if self._latched and self._sensors.heard else self._sensors.fault(now)
+        faults = [*([] if sensor is None else [sensor]), *self._pose_faults(now)]
         config = self._config
         last = self._map_time
         if last is None:
@@ -172,28 +162,6 @@ class HealthMonitor:
                 f"the robot's clock was set back by {newest - stamp:.2f} s or more: earlier data is discarded",
             )
         return found in {Order.AHEAD, Order.SET_BACK}
-
-    def _sensor_faults(self, now: float) -> list[Fault]:
-        timeout, last, arrived = self._config.scan_timeout, self._sensor_time, self._sensor_arrived
-        unsound = self._unsound
-        if arrived is None:
-            return [Fault(FaultKind.SENSOR_STALE, f"no {self._sensor} received yet")]
-        if self._latched:
-            return []
-        if now - arrived > timeout:
-            return [_stale(FaultKind.SENSOR_STALE, f"no {self._sensor}", now - arrived, timeout)]
-        stale = last is None or now - last > timeout
-        if unsound is not None and (stale or unsound[0] >= _UNSOUND):
-            return [unsound[1]]
-        if not stale:
-            return []
-        return [
-            Fault(
-                FaultKind.SENSOR_FROZEN,
-                f"messages of {self._sensor} arrive, but their stamp has not advanced beyond "
-                f"{self._sensor_order.newest} s for {timeout:g} s",
-            )
-        ]
 
     def _pose_faults(self, now: float) -> list[Fault]:
         timeout = self._config.pose_timeout
