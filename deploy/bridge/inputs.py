@@ -87,15 +87,12 @@ class Inputs:
     def take_transforms(self, transforms: Message, received: Received) -> None:
         """Take a tf2_msgs/TFMessage of /tf."""
         found = transforms_from(transforms)
-        self._map.add_transforms(found)
+        # Only a transform that moves the robot's own frame tells where it is now.
+        stamp = self._map.add_transforms(found)
         self._came("tf", received)
-        if self._config.sensing.pose != "tf" or not found:
-            return
-        pose = self._map.pose
-        # Only a transform of the robot's own frame tells where it is now.
-        own = [stamp for stamp, _, child, _, _ in found if child == self._config.frames.base]
-        if pose is not None and own:
-            self._moved(max(own), pose, received)
+        pose = None if stamp is None else self._map.pose
+        if stamp is not None and pose is not None:
+            self._moved(stamp, pose, received)
 
     def take_static_transforms(self, transforms: Message, received: Received) -> None:
         """Take a tf2_msgs/TFMessage of /tf_static."""

@@ -36,6 +36,8 @@ FRAME_PATIENCE: Final = 2.0
 MAX_STREAMS: Final = 1000
 # A stamp that lies so much further back than the newest one means that the clock was set back, seconds.
 CLOCK_JUMP: Final = 10.0
+# Seconds that are the same but for rounding.
+_ROUNDING: Final = 1e-6
 # What a lidar saw is no obstacle any more when others on its topic have been stamped so much later, seconds.
 _SILENT: Final = 2.0
 
@@ -67,12 +69,18 @@ class _Waiting:
     def kind(self) -> str:
         return "scan" if isinstance(self.data, Scan) else "cloud"
 
+    @property
+    def stream(self) -> str:
+        """Its lidar."""
+        return f"{self.kind} in {self.frame!r}"
+
 
 class Intake:
     """Poses, transforms and sensor messages of the last seconds; not thread-safe.
 
-    A message waits until poses on both sides of its stamp are there, but not longer than `sensing.pose_tolerance`; then
-    the nearest pose counts, where it is so near. Messages that find none are dropped and counted.
+    A message waits until poses on both sides of its stamp are there, but no longer than these could be within twice
+    `sensing.pose_tolerance` of each other; then the nearest pose counts, where it is within the tolerance. Messages
+    that find none are dropped and counted.
 
     Attributes:
         ready: beams and the sensor's pose for the map, oldest first; the caller takes them out.
@@ -145,8 +153,13 @@ class Intake:
         self.messages.drop("pose not finite", f"a pose must be finite, got {pose} at {time}: check the localisation")
         return None
 
-    def add_transforms(self, transforms: Iterable[StampedTransform], static: bool) -> None:
-        """Add transforms; those that are none are left out and counted."""
+    def add_transforms(self, transforms: Iterable[StampedTransform], static: bool) -> float | None:
+        """Add transforms; those that are none are left out and counted.
+
+        Returns:
+            The newest stamp of those that move the base, seconds; None without, and where poses come by odometry.
+        """
+        moved: dict[str, float] = {}
         for moment, parent, child, translation, rotation in transforms:
             try:
                 self._tree.add(moment, parent, child, translation, rotation, static=static)
@@ -157,6 +170,7 @@ class Intake:
                 if self._ordered(f"transform of {child}", moment) is Order.SET_BACK:
                     self._tree.add(moment, parent, child, translation, rotation)
                 self._tick(moment)
+                moved[plain(child)] = max(moment, moved.get(plain(child), moment))
         self.messages.note(self._tree.contested)
         if self._by_tf and not self._connected:
             self._connected = self._placing.newest_pose is not None
@@ -164,6 +178,7 @@ class Intake:
                 self._first_clock = min(self._first_clock, self._clock)
                 if not self._connected and self._clock - self._first_clock > FRAME_PATIENCE:
                     self.messages.note(self._no_pose())
+        return moved.get(self._tree.carrier(self._names.map, self._names.base) or "")
 
     def add_scan(self, time: float, scan: Scan, frame: str) -> None:
         """Add a scan."""
@@ -213,7 +228,7 @@ class Intake:
                 "stamp not finite", f"a message needs a finite stamp, got {message.time}: correct its publisher"
             )
             return
-        kind, stream = message.kind, f"{message.kind} in {message.frame!r}"
+        kind, stream = message.kind, message.stream
         if stream not in self._orders and len(self._orders) >= MAX_STREAMS:
             self.messages.drop(
                 "too many frames", f"messages arrived in {MAX_STREAMS} frames, the last in {message.frame!r}"
@@ -267,9 +282,14 @@ class Intake:
         newest = self._placing.newest_pose
         if newest is None:
             return True
-        age = self._clock - message.time
-        if newest < message.time and age <= self._sensing.pose_tolerance:
+        # By the stamps of its own lidar: others, as those of a map -> odom that is stamped ahead, tell nothing of it.
+        order = self._orders.get(message.stream)
+        latest = message.time if order is None or order.newest is None else order.newest
+        tolerance = self._sensing.pose_tolerance
+        # A pose may still come that is near enough to the last one to interpolate between the two.
+        if newest < message.time and latest - max(newest, message.time - tolerance) < 2.0 * tolerance - _ROUNDING:
             return True
+        age = max(latest, newest if np.isfinite(newest) else latest) - message.time
         if message.frame in self._given_up or message.frame == "":
             return False
         if self._frames.find(message.frame, message.time) is not None:

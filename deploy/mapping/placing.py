@@ -192,10 +192,18 @@ class Placing:
                 floor = found[1]
                 pose = self._frames.base(found[0])
                 return Transform.planar(pose.x, pose.y, pose.yaw, floor + self._sensing.pose_height), floor
+        outdated = self._tree.outdated(self._map, self._base, time) if self._by_tf else ""
+        if outdated:
+            raise NoPlaceError(
+                "no pose",
+                f"{outdated}, more than {self._tree.hold:g} s from the stamp {time:.3f} s of a message: check that its "
+                "publisher lives and stamps by the lidar's clock; one that never changes belongs on /tf_static",
+            )
         raise NoPlaceError(
             "no pose",
             f"no pose of {self._base!r} within {tolerance} s of the stamp {time:.3f} s (newest pose: "
-            f"{self.newest_pose}): check that lidar and localisation stamp by the same clock",
+            f"{self.newest_pose}): check that lidar and localisation stamp by the same clock, and that poses come at "
+            f"least every {2.0 * tolerance:g} s",
         )
 
 

@@ -89,15 +89,18 @@ class RobotMap:
         with self._intake_lock:
             return self._intake.add_pose(time, pose, floor, frame, child)
 
-    def add_transforms(self, transforms: Iterable[StampedTransform], *, static: bool = False) -> None:
+    def add_transforms(self, transforms: Iterable[StampedTransform], *, static: bool = False) -> float | None:
         """Add transforms, for poses (``sensing.pose: tf``) and for where sensors sit on the base.
 
         Args:
             transforms: (stamp, parent, child, (x, y, z), (x, y, z, w)).
             static: they come from /tf_static and hold for ever.
+
+        Returns:
+            The newest stamp of those that move the base, seconds; None without, and where poses come by odometry.
         """
         with self._intake_lock:
-            self._intake.add_transforms(transforms, static)
+            return self._intake.add_transforms(transforms, static)
 
     def add_scan(self, time: float, scan: Scan, frame: str = "") -> None:
         """Add a range scan; where ``sensing.source`` is another one it counts for `obstacles_near` alone.

@@ -273,6 +273,15 @@ class TransformTree:
                 tops[number] = self._links[tops[number]].parent
         return f"TF leads from {source!r} up to {tops[0]!r}, and from {target!r} up to {tops[1]!r}, without a link"
 
+    def outdated(self, target: str, source: str, time: float) -> str:
+        """Say which link between two connected frames does not tell of a time, though `hold` is long; or empty."""
+        for frame in (frame for frames in self._path(target.lstrip("/"), source.lstrip("/")) or () for frame in frames):
+            link = self._links[frame]
+            if link.at(time, self.hold) is None:
+                nearest = min(link.times, key=lambda each: abs(each - time))
+                return f"the transform {link.parent} -> {frame} is stamped {nearest:.3f} s"
+        return ""
+
     def newest(self, target: str, source: str) -> float | None:
         """Return the newest stamp of the first moving link above the source.
 
@@ -284,6 +293,16 @@ class TransformTree:
             return None
         moving = self._first_moving(path[0])
         return float("inf") if moving is None else self._links[moving].times[-1]
+
+    def carrier(self, target: str, source: str) -> str | None:
+        """Return the child frame of the first moving link above the source, whose transforms tell where that is.
+
+        Returns:
+            The source itself, or what it is fixed to, such as base_footprint for base_link; None when the target and
+            the source are not connected, or do not move.
+        """
+        path = self._path(target.lstrip("/"), source.lstrip("/"))
+        return None if path is None else self._first_moving(path[0])
 
     def lookup(self, target: str, source: str, time: float, tolerance: float) -> Transform | None:
         """Return where the source frame lies in the target frame at a time.

@@ -230,6 +230,17 @@ def nav2() -> Robot:
     return robot
 
 
+def test_a_base_that_is_fixed_to_what_moves_has_poses():
+    robot = Robot("sensing.pose=tf")
+    robot.tf("base_footprint", "base_link", Pose(0.0, 0.0))
+    for step in range(3):
+        robot.time = 1.0 + PERIOD * step
+        robot.tf("map", "odom", Pose(0.0, 0.0), static=False)
+        assert "pose" not in robot.inputs.ages() or step > 0
+        robot.tf("odom", "base_footprint", base(step), static=False)
+    assert robot.inputs.stamp == pytest.approx(robot.time) and "pose" in robot.inputs.ages()
+
+
 def test_a_map_in_another_frame_waits_for_its_transform():
     robot = nav2()
     robot.take("grid", grid("slam_map", (-5.0, 1.0, 0.0)))

@@ -36,6 +36,46 @@ def test_a_scan_waits_for_the_poses_around_it():
     assert intake.obstacles()[0] == pytest.approx([4.03, 0.0])
 
 
+def test_a_scan_waits_for_poses_that_come_slowly():
+    intake = make_intake()
+    intake.add_pose(1.0, Pose(1.0, 0.0), 0.0)
+    for stamp in (1.05, 1.15, 1.25, 1.35):
+        intake.add_scan(stamp, SCAN, "")
+        intake.resolve()
+    assert intake.waiting == 4
+    intake.add_pose(1.35, Pose(1.35, 0.0), 0.0)
+    intake.resolve()
+    assert [sensor.x for _, sensor in intake.ready] == pytest.approx([1.05, 1.15, 1.25, 1.35])
+
+
+def test_a_correction_that_is_stamped_ahead_hurries_no_scan():
+    # As AMCL and Cartographer stamp map -> odom, and with odometry that comes a little later than scans.
+    intake = make_intake(sensing={"pose": "tf"})
+    for stamp in (0.9, 1.0):
+        intake.add_transforms([(stamp + 1.0, "map", "odom", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))], static=False)
+        intake.add_transforms([(stamp, "odom", "base_link", (stamp, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))], static=False)
+    intake.add_scan(1.05, SCAN, "")
+    intake.resolve()
+    assert intake.waiting == 1
+    intake.add_transforms([(1.1, "odom", "base_link", (1.1, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))], static=False)
+    intake.resolve()
+    (_, sensor) = intake.ready[0]
+    assert sensor.x == pytest.approx(1.05)
+
+
+@pytest.mark.parametrize("ahead", [0.0, 30.0])
+def test_a_link_that_is_too_old_or_far_ahead_is_named(ahead):
+    intake = make_intake(sensing={"pose": "tf"})
+    intake.add_transforms([(1.0 + ahead, "map", "odom", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))], static=False)
+    for stamp in (7.0, 7.1, 7.2):
+        intake.add_transforms([(stamp, "odom", "base_link", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))], static=False)
+        intake.add_scan(stamp, SCAN, "")
+        intake.resolve()
+    assert intake.messages.dropped["no pose"] == 3
+    assert f"map -> odom is stamped {1.0 + ahead:.3f} s" in intake.messages.problem
+    assert "/tf_static" in intake.messages.problem
+
+
 def test_a_scan_without_a_pose_is_dropped_and_says_why():
     intake = make_intake()
     drive(intake, 0.0, 1.0)
