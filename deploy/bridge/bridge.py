@@ -35,10 +35,11 @@ from deploy.bridge.velocity_watch import VelocityWatch
 from deploy.bridge.warmup import warm_up
 from deploy.config import DeployConfig
 from deploy.mapping.robot_map import RobotMap
-from deploy.ros2 import Node
+from deploy.ros2 import Message, Node, Received
 from deploy.safety.gate import VelocityGate, WatchdogProcess, behind_watchdog
 from deploy.safety.geofence import Geofence
 from deploy.safety.health import HealthMonitor
+from deploy.safety.inputs import STOPS
 from deploy.safety.lifecycle import Lifecycle, LifecycleState
 
 log = logging.getLogger(__name__)
@@ -134,6 +135,9 @@ class Bridge(Closing):
         self._gate = enter(VelocityGate(config, watchdog))
         node = enter(Node(behind_watchdog(config.ros), remap=config.topics.remap))
         self._gate.use_when_watchdog_dies(node)
+        if config.topics.emergency_stop:
+            # The watchdog hears it sooner, but not while it is dead and another one starts.
+            node.subscribe(config.topics.emergency_stop, "std_msgs/msg/Bool", self._heard_emergency_stop, STOPS)
         self._outputs = Outputs(node, config)
         self._outcome = self._loop.step()
         instance = new_instance()
@@ -181,6 +185,11 @@ class Bridge(Closing):
             enter(VelocityWatch(node, config.ros, config.topics))
         self._next_status = self._next_picture = 0.0
         self._started_by_itself = False
+
+    def _heard_emergency_stop(self, stop: Message, received: Received) -> None:
+        del received
+        if stop.data:
+            self._gate.emergency_stop(self._config.topics.emergency_stop)
 
     def _position(self) -> tuple[float, float] | None:
         pose = self._map.pose

@@ -10,12 +10,15 @@ from typing import Final
 
 from common.system.documents import parse_json
 from deploy.config import DeployConfig
-from deploy.ros2 import LATCHED, SENSOR, Message, Node, Received
+from deploy.ros2 import LATCHED, SENSOR, STATIC, Message, Node, QoS, Received
 from deploy.safety.gate_state import GateMode
 from deploy.safety.rules import GateRules
 
 log = logging.getLogger(__name__)
 
+STOPS: Final = QoS(transient_local=True)
+"""Of the emergency stop: a button that was pressed before, and latches its message, counts. Not only the last message
+does, for `false` releases nothing."""
 # A Header's stamp stands first in CDR: 4 bytes of encapsulation, then int32 seconds and uint32 nanoseconds.
 _STAMP: Final = {0: struct.Struct(">4xiI"), 1: struct.Struct("<4xiI")}
 
@@ -47,13 +50,14 @@ class WatchdogInputs:
         self._wake_unless_clear = wake_unless_clear
         self._other: tuple[float, str] | None = None
         self._clock_offset: float | None = None
+        self._fixed: dict[str, str] = {}
 
     def subscribe(self, node: Node) -> None:
         """Listen to the topics that the configuration names."""
         config, topics = self._config, self._config.topics
         # What stops comes first: nothing moves before sensors are heard, and declarations travel in their order.
         if topics.emergency_stop:
-            node.subscribe(topics.emergency_stop, "std_msgs/msg/Bool", self._heard_emergency_stop)
+            node.subscribe(topics.emergency_stop, "std_msgs/msg/Bool", self._heard_emergency_stop, STOPS)
         if topics.joy:
             node.subscribe(topics.joy, "sensor_msgs/msg/Joy", self._heard_joystick)
         node.subscribe(topics.watchdog, "std_msgs/msg/String", self._heard_watchdog)
@@ -78,6 +82,8 @@ class WatchdogInputs:
         if config.sensing.pose == "odometry":
             node.subscribe_raw(topics.odometry, "nav_msgs/msg/Odometry", self._heard_pose, SENSOR)
         else:
+            if topics.tf_static:
+                node.subscribe(topics.tf_static, "tf2_msgs/msg/TFMessage", self._heard_static_transforms, STATIC)
             node.subscribe(topics.tf, "tf2_msgs/msg/TFMessage", self._heard_transforms)
 
     def robot_time(self, now: float) -> float:
@@ -101,9 +107,24 @@ class WatchdogInputs:
 
     def _heard_transforms(self, transforms: Message, received: Received) -> None:
         # SLAM's own transform must not hide that the robot's odometry has stopped.
-        if any(one.child_frame_id.lstrip("/") == self._config.frames.base for one in transforms.transforms):
+        if any(self._carries_base(one.child_frame_id.lstrip("/")) for one in transforms.transforms):
             self._rules.pose_time = received.time
             self._wake_unless_clear()
+
+    def _heard_static_transforms(self, transforms: Message, received: Received) -> None:
+        del received
+        for one in transforms.transforms:
+            self._fixed[one.child_frame_id.lstrip("/")] = one.header.frame_id.lstrip("/")
+
+    def _carries_base(self, frame: str) -> bool:
+        """Whether a frame is the base's, or one that the base is fixed to, such as base_footprint."""
+        above: str | None = self._config.frames.base
+        # No longer than there are links: two publishers may make a ring of them.
+        for _ in range(len(self._fixed) + 1):
+            if above is None or above == frame:
+                break
+            above = self._fixed.get(above)
+        return above == frame
 
     def _heard_fence(self, outside: str) -> None:
         self._rules.outside = outside

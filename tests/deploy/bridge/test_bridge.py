@@ -1,6 +1,8 @@
 """A bridge on a real bus, with a small robot at the other end: topics, commands, and what happens when things fail."""
 
 import contextlib
+import os
+import signal
 import threading
 import time
 
@@ -12,7 +14,7 @@ from common.errors import BusError
 from common.geometry import Pose
 from common.messages.replies import ROBOT_VERBS
 from deploy.bridge.bridge import Bridge
-from deploy.ros2 import message
+from deploy.ros2 import LATCHED, message
 from deploy.ros2.conversions import point_stamped
 from tests.common.bus.processes import eventually
 from tests.common.planners.worlds import ARMS
@@ -181,17 +183,28 @@ def test_a_pause_stops_the_robot_and_an_idle_robot_is_left_to_others(robot):
     assert eventually(lambda: robot.stops[-1][1] == 0)
 
 
+def test_an_emergency_stop_reaches_a_robot_whose_watchdog_has_just_died(pair, robot):
+    gate = pair[1]._gate
+    os.kill(gate.pid, signal.SIGKILL)
+    robot.emergency.publish(message("std_msgs/msg/Bool", data=True))
+    assert eventually(lambda: ask(robot, "status")["emergency_stop"], 0.5)
+    assert eventually(lambda: gate.state.alive, 20)
+    assert eventually(lambda: robot.status["gate"] == "emergency_stop")
+
+
 @pytest.mark.timeout(120)
 def test_a_stop_latched_before_the_start_outlives_autostart():
     router, config = network(mapping=MAPPING, decision={"planner": "nearest", "autostart": True})
     stop = threading.Event()
     with FakeRobot(ARMS, router) as robot:
+        # A button latches its message, and nobody presses it again for a bridge that starts later.
+        button = robot.node.publisher(config.topics.emergency_stop, "std_msgs/msg/Bool", LATCHED)
+        button.publish(message("std_msgs/msg/Bool", data=True))
         robot.sensing = False
         with Bridge(config) as bridge:
             thread = threading.Thread(target=bridge.run, args=(stop,))
             thread.start()
             try:
-                robot.emergency.publish(message("std_msgs/msg/Bool", data=True))
                 assert eventually(lambda: robot.status.get("emergency_stop"))
                 robot.sensing = True
                 assert eventually(lambda: robot.status["scans"] > 3)
