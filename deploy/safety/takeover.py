@@ -24,7 +24,8 @@ class Takeover:
 
     def heard(self, axes: Sequence[float], now: float) -> None:
         """Take in a sensor_msgs/Joy's axes, each from -1 to 1."""
-        chosen = axes if not self._axes else [axes[axis] for axis in self._axes if axis < len(axes)]
+        # A joystick that has none of the axes that were chosen is another one than was meant: then any axis counts.
+        chosen = [axes[axis] for axis in self._axes if axis < len(axes)] or axes
         moved = any(not isfinite(axis) or abs(axis) > self._deadband for axis in chosen)
         if self._moved and not moved:
             self._rested = now

@@ -188,6 +188,14 @@ def test_triggers_that_rest_at_one_do_not_take_over():
     assert every.decide(1.0).mode is GateMode.OVERRIDDEN
 
 
+def test_a_joystick_without_the_axes_that_were_chosen_takes_over_by_any():
+    rules = healthy(make(joy_axes=(3, 4)), 1.0)
+    rules.joystick([0.0, 0.0], 1.0)
+    assert rules.decide(1.0).mode is GateMode.CLEAR
+    rules.joystick([0.0, 0.6], 1.0)
+    assert rules.decide(1.0).mode is GateMode.OVERRIDDEN
+
+
 @given(
     st.floats(-1e6, 1e6),
     st.floats(-1e6, 1e6),
