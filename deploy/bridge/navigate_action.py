@@ -26,7 +26,8 @@ _UNKNOWN: Final = 9000
 class NavigateAction(Closing):
     """Offers nav2_msgs/action/NavigateToPose: a goal is the command `goal`, and `start` where the robot waits.
 
-    To cancel is to abort. Another target, `explore` and `return-home` abort a goal; `pause` keeps it.
+    To cancel is to abort. Another target, `explore` and `return-home` abort a goal; `pause` keeps it, and one that comes
+    during a pause waits for `resume`.
     """
 
     def __init__(
@@ -89,7 +90,8 @@ class NavigateAction(Closing):
             _, pose = pose_from_stamped(goal.pose)
             target = target_in(self._map_frame, goal.pose.header.frame_id, pose.position)
             self._commands.carry_out("goal", {"x": target[0], "y": target[1]})
-            if not self._mission.orders.moving:
+            # A pause is an operator's: whoever sends goals does not end it.
+            if not self._mission.orders.moving and self._mission.orders.phase is not Phase.PAUSED:
                 self._commands.carry_out("start", {})
         except HDError as error:
             log.warning("a goal of the action is rejected: %s", error)

@@ -104,6 +104,19 @@ def test_another_order_aborts_a_goal(pair):
     assert answers[0].status == ABORTED
 
 
+def test_a_goal_does_not_end_a_pause(pair):
+    robot, client = pair
+    assert client.send(ARMS.start[0] + 30.0, ARMS.start[1])[1]
+    request(robot.node.session, "robot", "pause", 10.0)
+    goal_id, accepted = client.send(*ARMS.start)
+    assert accepted
+    answers = client.result(goal_id)
+    assert request(robot.node.session, "robot", "status", 10.0)["state"] == "paused"
+    request(robot.node.session, "robot", "resume", 10.0)
+    assert eventually(lambda: answers, 60.0)
+    assert answers[0].status == SUCCEEDED
+
+
 def test_goals_that_cannot_be_meant_are_rejected(pair):
     _, client = pair
     assert not client.send(1.0, 1.0, frame="odom")[1]
