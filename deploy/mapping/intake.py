@@ -171,7 +171,7 @@ class Intake:
                     self._tree.add(moment, parent, child, translation, rotation)
                 self._tick(moment)
                 moved[plain(child)] = max(moment, moved.get(plain(child), moment))
-        self.messages.note(self._tree.contested)
+        self.messages.note(self._tree.contested or self._tree.changed)
         if self._by_tf and not self._connected:
             self._connected = self._placing.newest_pose is not None
             if np.isfinite(self._clock):

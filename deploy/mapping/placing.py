@@ -105,6 +105,12 @@ class Placing:
         if is_scan and place is not None and place.on_base is not None:
             note = self._tilt_note(frame, place.on_base)
         base, floor = self._base_at(time)
+        if base.matrix()[2, 2] < 0.0:
+            raise NoPlaceError(
+                "base upside down",
+                f"according to TF, the z axis of {self._base!r} points down in {self._map!r}, so left and right would "
+                "be exchanged: is one of the two NED (z down) instead of ENU (z up)?",
+            )
         height = self._sensing.sensor_height
         in_base = frame == self._base
         mount = None if place is None else place.on_base

@@ -105,6 +105,11 @@ class Transform:
         return moved
 
     @property
+    def text(self) -> str:
+        """Translation and quaternion, rounded for an operator."""
+        return f"{tuple(round(n, 3) for n in self.translation)}, {tuple(round(n, 3) for n in self.rotation)}"
+
+    @property
     def pose(self) -> Pose:
         """Position in the plane and heading of the frame's x axis."""
         rotation = self.matrix()
@@ -126,6 +131,12 @@ def interpolated(old: Transform, new: Transform, share: float) -> Transform:
     p, q = np.array(old.translation), np.array(new.translation)
     px, py, pz = (float(number) for number in p + share * (q - p))
     return Transform((px, py, pz), (x, y, z, w))
+
+
+def _differ(one: Transform, other: Transform) -> bool:
+    """Whether two transforms differ by more than rounding: 5 mm, or some 0.01 radians."""
+    cosine = abs(sum(a * b for a, b in zip(one.rotation, other.rotation, strict=True)))
+    return max(abs(a - b) for a, b in zip(one.translation, other.translation, strict=True)) > 0.005 or cosine < 1 - 1e-5
 
 
 class _Link:
@@ -185,6 +196,7 @@ class TransformTree:
         self._links: dict[str, _Link] = {}
         self._left: dict[str, tuple[str, float]] = {}
         self._contested: tuple[str, float, str] | None = None
+        self._changed = ""
 
     def add(
         self, time: float, parent: str, child: str, translation: Vector, rotation: Quaternion, *, static: bool = False
@@ -217,7 +229,17 @@ class TransformTree:
             if link is not None:
                 self._look_for_turns(child, parent, link.parent, time)
             link = self._links[child] = _Link(parent, static)
+        if static and link.times and _differ(link.transforms[-1], transform):
+            self._changed = (
+                f"the static transform {parent} -> {child} changed from {link.transforms[-1].text} to "
+                f"{transform.text}: stop one of two publishers that disagree, or reset the map if the frame was moved"
+            )
         link.add(time, transform, self._seconds)
+
+    @property
+    def changed(self) -> str:
+        """Which static transform was published with other numbers last, in words; empty when none was."""
+        return self._changed
 
     def _look_for_turns(self, child: str, parent: str, before: str, time: float) -> None:
         left, when = self._left.get(child, ("", 0.0))

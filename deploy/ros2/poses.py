@@ -181,7 +181,8 @@ def yaw_of(rotation: Message) -> float:
     """Return the yaw of a Quaternion message, radians.
 
     Raises:
-        RosError: when it is no rotation: not finite, or its length is off from 1 by more than `LENGTH_TOLERANCE`.
+        RosError: when it is no rotation: not finite, or its length is off from 1 by more than `LENGTH_TOLERANCE`; or
+            it turns the z axis below the horizon.
     """
     x, y, z, w = rotation.x, rotation.y, rotation.z, rotation.w
     norm = x * x + y * y + z * z + w * w
@@ -190,6 +191,11 @@ def yaw_of(rotation: Message) -> float:
         raise RosError(
             f"a rotation must be a quaternion of length 1, got ({x}, {y}, {z}, {w}): a yaw in radians is "
             "(0, 0, sin(yaw / 2), cos(yaw / 2))"
+        )
+    if x * x + y * y > z * z + w * w:
+        raise RosError(
+            f"the z axis of a pose must point up, but ({x}, {y}, {z}, {w}) turns it down, so left and right would be "
+            "exchanged: is the frame NED (z down) instead of ENU (z up)?"
         )
     return math.atan2(2.0 * (w * z + x * y), norm - 2.0 * (y * y + z * z))
 

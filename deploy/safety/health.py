@@ -13,6 +13,7 @@ from deploy.safety.geofence import Geofence
 from deploy.safety.motion import MotionWatch
 from deploy.safety.sensor_watch import SensorWatch
 from deploy.safety.stamps import Order, StampOrder
+from deploy.safety.swings import PoseSwings
 
 
 class HealthMonitor:
@@ -52,6 +53,7 @@ class HealthMonitor:
         self._pose_order = StampOrder()
         self._clock: tuple[float, str] | None = None
         self._motion = MotionWatch()
+        self._swings = PoseSwings()
         self._map_time: float | None = None
         self._pose: tuple[float, float, Pose] | None = None
         self._jump: tuple[float, str] | None = None
@@ -94,6 +96,9 @@ class HealthMonitor:
             moved = hypot(pose.x - last.x, pose.y - last.y)
             if moved > self._config.pose_jump + self._config.speed_limit * elapsed:
                 self._jump = now, f"the pose jumped {moved:.2f} m in {elapsed:.2f} s"
+        swings = self._swings.take(now, pose) if self._pose is None or stamp >= self._pose[1] else ""
+        if swings:
+            self._jump = now, swings
         if self._advances(self._pose_order, stamp, now):
             self._pose = now, stamp, pose
             self._motion.heard_pose(now, stamp, pose)

@@ -241,6 +241,18 @@ def test_a_base_that_is_fixed_to_what_moves_has_poses():
     assert robot.inputs.stamp == pytest.approx(robot.time) and "pose" in robot.inputs.ages()
 
 
+def test_a_map_whose_z_axis_points_down_places_no_scan():
+    robot = Robot("sensing.pose=tf")
+    for step in range(5):
+        robot.time = 1.0 + PERIOD * step
+        sent = ros.transform(robot.time, "map", "base_link", base(step))
+        sent.transform.rotation = message("geometry_msgs/msg/Quaternion", x=1.0, w=0.0)
+        robot.take("transforms", ros.transform_message([sent]))
+        robot.take("scan", ros.laser_scan(robot.time, "base_link", scan_at(FREE, base(step))))
+    assert robot.map.statistics.dropped == {"base upside down": 5}
+    assert "NED" in robot.told[-1]
+
+
 def test_a_map_in_another_frame_waits_for_its_transform():
     robot = nav2()
     robot.take("grid", grid("slam_map", (-5.0, 1.0, 0.0)))

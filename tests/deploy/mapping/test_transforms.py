@@ -105,3 +105,12 @@ def test_memory_is_bounded():
     for k in range(5000):
         tree.add(k / 100, "odom", "base_link", (float(k), 0.0, 0.0), yaw_about_z(0.0))
     assert len(tree._links["base_link"].times) < 500
+
+
+def test_a_static_transform_that_is_published_with_other_numbers_is_named():
+    tree = TransformTree()
+    for turn in (0.3, 0.3 + 1e-9):
+        tree.add(0.0, "base_link", "laser", (0.2, 0.0, 0.0), yaw_about_z(turn), static=True)
+    assert tree.changed == ""
+    tree.add(0.0, "base_link", "laser", (0.2, 0.0, 0.1), yaw_about_z(0.3), static=True)
+    assert "base_link -> laser changed from (0.2, 0.0, 0.0)" in tree.changed and "stop one" in tree.changed

@@ -71,6 +71,12 @@ def test_tilted_poses_keep_their_heading():
     assert convert.yaw_of(tilted) == pytest.approx(0.5)
 
 
+def test_poses_whose_z_axis_points_down_are_refused_by_name():
+    ned = message("geometry_msgs/msg/Quaternion", x=1.0, w=0.0)
+    with pytest.raises(RosError, match="NED"):
+        convert.yaw_of(ned)
+
+
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_places_that_are_not_finite_are_refused(value):
     odometry = convert.odometry(1.0, "map", "base", Pose(0.0, 0.0))

@@ -173,3 +173,29 @@ def test_reset_forgets():
     monitor.heard_pose(10.0, 100.0, Pose(100.0, 100.0))
     assert FaultKind.POSE_JUMP not in kinds(monitor)
     assert FaultKind.POLICY_ERROR not in kinds(monitor)
+
+
+@pytest.mark.parametrize("step", [0.0, 0.01], ids=["same stamps", "stamps of their own"])
+@pytest.mark.parametrize("other", [(0.5, 0.0), (0.0, 0.3)], ids=["places", "headings"])
+def test_two_publishers_of_the_pose_that_disagree_are_a_fault(step, other):
+    monitor = healthy()
+    for k in range(4):
+        stamp, x = 100.05 + 0.05 * k, 1.0 + 0.05 * k
+        monitor.heard_pose(10.0 + 0.05 * k, stamp, Pose(x, 1.0, 0.0))
+        monitor.heard_pose(10.0 + 0.05 * k, stamp + step, Pose(x, 1.0 + other[0], other[1]))
+    (fault,) = monitor.check(10.2)
+    assert fault.kind is FaultKind.POSE_JUMP and "two nodes publish" in fault.reason
+    for k in range(30):
+        monitor.heard_sensor(10.2 + 0.1 * k)
+        monitor.updated_map(10.2 + 0.1 * k)
+        monitor.heard_pose(10.2 + 0.1 * k, 101.0 + 0.1 * k, Pose(1.5, 1.0))
+    assert kinds(monitor, 13.1) == set()
+
+
+def test_driving_back_late_poses_and_one_correction_are_no_two_publishers():
+    monitor = healthy()
+    places = [1.0, 1.2, 1.4, 1.2, 1.0, 1.2, 1.4, 2.1, 1.4, 1.2]
+    for k, x in enumerate(places):
+        monitor.heard_pose(10.0 + 0.1 * k, 100.1 + 0.1 * k, Pose(x, 1.0))
+        monitor.heard_pose(10.0 + 0.1 * k, 100.05 + 0.1 * k, Pose(x - 0.1, 1.0))
+    assert not any("two nodes" in fault.reason for fault in monitor.check(11.0))
