@@ -26,8 +26,8 @@ _UNKNOWN: Final = 9000
 class NavigateAction(Closing):
     """Offers nav2_msgs/action/NavigateToPose: a goal is the command `goal`, and `start` where the robot waits.
 
-    To cancel is to abort. Another target, `explore` and `return-home` abort a goal; `pause` keeps it, and one that comes
-    during a pause waits for `resume`.
+    To cancel is to abort. Another target, `explore` and `return-home` abort a goal; `pause` keeps it, and one that
+    comes during a pause waits for `resume`.
     """
 
     def __init__(
