@@ -115,6 +115,20 @@ class Frames:
         in_map = self.world(frame)
         return None if in_map is None else Place(in_map=in_map)
 
+    def joint_behind(self, place: Place, frame: str, time: float, *, new: bool) -> tuple[str, float] | None:
+        """Return a joint between the base and a sensor that does not tell yet where that was at a time.
+
+        Args:
+            place: where the sensor was found.
+            frame: of the sensor.
+            time: seconds.
+            new: one that has told a single transform counts, too.
+
+        Returns:
+            Its frames in words and its newest stamp, seconds; None where all is known.
+        """
+        return None if place.on_base is None else self._tree.joint_behind(self._base, frame, time, new=new)
+
     def assumed(self, frame: str) -> tuple[bool, str]:
         """Say whether a sensor whose frame TF does not know may be taken to sit at `sensing.sensor_offset`.
 

@@ -292,8 +292,10 @@ class Intake:
         age = max(latest, newest if np.isfinite(newest) else latest) - message.time
         if message.frame in self._given_up or message.frame == "":
             return False
-        if self._frames.find(message.frame, message.time) is not None:
-            return False
+        place = self._frames.find(message.frame, message.time)
+        if place is not None:
+            late = self._frames.joint_behind(place, message.frame, message.time, new=True)
+            return late is not None and age <= 2.0 * tolerance
         first = self._first_of_frame.setdefault(message.frame, message.time)
         if 0.0 <= message.time - first <= FRAME_PATIENCE and age <= FRAME_PATIENCE:
             return True

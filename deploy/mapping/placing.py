@@ -102,6 +102,14 @@ class Placing:
                 f"a scan is in the frame {frame!r}, which does not move with {self._base!r}: a scan's frame is that of "
                 "its lidar, correct the driver",
             )
+        joint = None if place is None else self._frames.joint_behind(place, frame, time, new=False)
+        if joint is not None:
+            raise NoPlaceError(
+                "joint outdated",
+                f"the frame {frame!r} moves on {self._base!r}, but the newest transform {joint[0]} is stamped "
+                f"{joint[1]:.3f} s, before the message ({time:.3f} s), and no later one came within twice "
+                "sensing.pose_tolerance: publish it more often, by the lidar's clock",
+            )
         if is_scan and place is not None and place.on_base is not None:
             note = self._tilt_note(frame, place.on_base)
         base, floor = self._base_at(time)

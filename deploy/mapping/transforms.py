@@ -145,6 +145,7 @@ class _Link:
     def __init__(self, parent: str, static: bool) -> None:
         self.parent = parent
         self.static = static
+        self.moved = float("-inf")
         self.times: list[float] = []
         self.transforms: list[Transform] = []
 
@@ -152,6 +153,8 @@ class _Link:
         if self.static:
             self.times, self.transforms = [time], [transform]
             return
+        if self.times and _differ(self.transforms[-1], transform):
+            self.moved = time
         if self.times and time < self.times[-1] - seconds:
             self.times.clear()
             self.transforms.clear()
@@ -303,6 +306,22 @@ class TransformTree:
                 nearest = min(link.times, key=lambda each: abs(each - time))
                 return f"the transform {link.parent} -> {frame} is stamped {nearest:.3f} s"
         return ""
+
+    def joint_behind(self, target: str, source: str, time: float, *, new: bool) -> tuple[str, float] | None:
+        """Return a link between two frames that moved within ``hold`` seconds, and does not tell of a time yet.
+
+        Parts that stand still are published on /tf, too, as seldom as somebody likes; of one transform alone nobody
+        knows whether it is of such a part, and it counts as moved where that is asked for (``new``).
+
+        Returns:
+            Its frames in words and its newest stamp, seconds; None without.
+        """
+        for frame in (frame for frames in self._path(target.lstrip("/"), source.lstrip("/")) or () for frame in frames):
+            link = self._links[frame]
+            moved = time <= link.moved + self.hold or (new and not link.static and len(link.times) == 1)
+            if moved and link.times[-1] < time:
+                return f"{link.parent} -> {frame}", link.times[-1]
+        return None
 
     def newest(self, target: str, source: str) -> float | None:
         """Return the newest stamp of the first moving link above the source.

@@ -241,6 +241,36 @@ def test_a_base_that_is_fixed_to_what_moves_has_poses():
     assert robot.inputs.stamp == pytest.approx(robot.time) and "pose" in robot.inputs.ages()
 
 
+@pytest.mark.parametrize(("late", "dropped"), [(1, False), (4, False), (8, True)])
+def test_a_lidar_on_a_joint_waits_for_the_joint(late, dropped):
+    robot = Robot()
+    for step in range(-late, 40):
+        robot.time = 2.0 + PERIOD * step
+        turned = [Pose(0.2, 0.0, 0.8 * np.sin(0.3 * k)) for k in (step - late, step)]
+        told = ros.transform(robot.time - late * PERIOD, "base_link", "pan", turned[0])
+        robot.take("transforms", ros.transform_message([told]))
+        robot.take("odometry", ros.odometry(robot.time, "map", "base_link", base(step)))
+        place = composed(base(step), (turned[1].x, turned[1].y, turned[1].yaw))
+        robot.take("scan", ros.laser_scan(robot.time, "pan", scan_at(FREE, place)))
+    assert dropped == ("joint outdated" in robot.map.statistics.dropped)
+    assert dropped == any("base_link -> pan is stamped" in told for told in robot.told)
+    assert dropped or robot.walls_are_right()
+
+
+def test_a_part_that_stands_still_is_published_on_tf_as_seldom_as_somebody_likes():
+    robot = Robot()
+    robot.time = 1.0
+    robot.tf("base_link", "laser", Pose(0.2, 0.0), static=False)
+    drive(robot, "laser", mount=(0.2, 0.0, 0.0))
+    assert robot.walls_are_right() and robot.map.statistics.dropped == {}
+    for _ in range(2):
+        robot.tf("base_link", "laser", Pose(0.2, 0.0, 0.5), static=False)
+        robot.time += 4.0
+    robot.take("odometry", ros.odometry(robot.time, "map", "base_link", base(40)))
+    robot.take("scan", ros.laser_scan(robot.time, "laser", scan_at(FREE, composed(base(40), (0.2, 0.0, 0.5)))))
+    assert robot.map.statistics.waiting == 0, "it moved, but long ago"
+
+
 def test_a_map_whose_z_axis_points_down_places_no_scan():
     robot = Robot("sensing.pose=tf")
     for step in range(5):
