@@ -13,6 +13,7 @@ from deploy.network_config import FramesConfig, TopicsConfig
 from deploy.ros2 import SENSOR, STATIC, Message, Node, QoS, Received
 from deploy.ros2.conversions import pose_from, transforms_from
 from deploy.safety.geofence import Geofence
+from deploy.safety.stamps import Order, StampOrder
 
 log = logging.getLogger(__name__)
 
@@ -51,6 +52,7 @@ class FenceWatch:
         self._frames = frames
         self._tell = tell
         self._tree = TransformTree()
+        self._orders: dict[str, StampOrder] = {}
         self._lock = threading.Lock()
         self._inside = True
 
@@ -67,8 +69,11 @@ class FenceWatch:
     def take_odometry(self, odometry: Message, received: Received) -> None:
         """Take a nav_msgs/Odometry, whose pose is in the map frame."""
         del received
+        stamp, pose, _ = pose_from(odometry)
         with self._lock:
-            self._at(pose_from(odometry)[1])
+            # One that was overtaken tells where the robot was: that it was inside is no news.
+            if self._order("odometry", stamp) is not Order.LATE or not self._fence.holds(pose):
+                self._at(pose)
 
     def take_transforms(self, transforms: Message, received: Received) -> None:
         """Take a tf2_msgs/TFMessage of /tf."""
@@ -84,6 +89,9 @@ class FenceWatch:
         with self._lock:
             for time, parent, child, translation, rotation in transforms_from(transforms):
                 try:
+                    if not static and self._order(child, time) is Order.SET_BACK:
+                        # What was stamped before would count as newer until the clock is there again.
+                        self._tree.forget_moving()
                     self._tree.add(time, parent, child, translation, rotation, static=static)
                 except MappingError as error:
                     log.debug("transform refused: %s", error)  # the bridge warns of it
@@ -91,6 +99,12 @@ class FenceWatch:
             found = None if newest is None else self._tree.lookup(self._frames.map, self._frames.base, newest, 0.0)
             if found is not None:
                 self._at(found.pose)
+
+    def _order(self, stream: str, stamp: float) -> Order:
+        order = self._orders.setdefault(stream, StampOrder()).take(stamp)
+        if order is Order.SET_BACK:
+            self._orders = {stream: self._orders[stream]}
+        return order
 
     def _at(self, pose: Pose) -> None:
         inside = self._fence.holds(pose)

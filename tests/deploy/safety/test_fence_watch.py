@@ -50,3 +50,18 @@ def test_the_pose_by_transforms_is_that_of_the_map_frame():
     assert told == ["(5.00, 1.00)"], "a correction by SLAM can show that it is outside"
     fence.take_transforms(transform_message([transform(1.3, "odom", "base_footprint", Pose(-7.0, 1.0))]), None)
     assert told == ["(5.00, 1.00)", ""]
+
+
+def test_a_pose_that_was_overtaken_does_not_bring_the_robot_back():
+    fence, told = watch("odometry")
+    for stamp, x in ((1.0, 1.0), (1.2, 5.0), (1.1, 2.0)):
+        fence.take_odometry(odometry(stamp, "map", "base_link", Pose(x, 1.0)), None)
+    assert told == ["(5.00, 1.00)"]
+
+
+def test_a_clock_that_was_set_back_hides_nothing():
+    fence, told = watch("tf")
+    for stamp, x in ((100.0, 1.0), (100.1, 1.0), (95.0, 1.0), (95.1, 1.0), (95.2, 5.0)):
+        moved = [transform(stamp, "map", "odom", Pose(0.0, 0.0)), transform(stamp, "odom", "base_link", Pose(x, 1.0))]
+        fence.take_transforms(transform_message(moved), None)
+    assert told == ["(5.00, 1.00)"]
