@@ -160,13 +160,17 @@ class Inputs:
 
     def _sensed(self, name: str, received: Received, sent: Message | None = None, fault: Fault | None = None) -> None:
         self._came(name, received)
-        if name != self._config.sensing.source:
-            return
+        source = name == self._config.sensing.source
         if sent is None:
-            self._health.heard_sensor(received.time)
-        else:
-            stamp, frame = seconds(sent.header.stamp), plain(sent.header.frame_id)
+            if source:
+                self._health.heard_sensor(received.time)
+            return
+        stamp, frame = seconds(sent.header.stamp), plain(sent.header.frame_id)
+        if source:
             self._health.heard_sensor(received.time, stamp, fault, frame)
+        elif self._config.driving.enabled:
+            # What is not the source of the map still shows the local planner its obstacles.
+            self._health.heard_other(name, received.time, stamp, fault, frame)
 
     def _came(self, name: str, received: Received) -> None:
         with self._lock:

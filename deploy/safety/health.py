@@ -49,6 +49,7 @@ class HealthMonitor:
     def reset(self) -> None:
         """Forget everything that was heard, as when the robot's software starts anew."""
         self._sensors = SensorWatch(self._sensor, self._config.scan_timeout)
+        self._others: dict[str, SensorWatch] = {}
         self._pose_arrived: float | None = None
         self._pose_order = StampOrder()
         self._clock: tuple[float, str] | None = None
@@ -72,6 +73,20 @@ class HealthMonitor:
         order = self._sensors.order(now, frame)
         news = stamp is None or self._advances(order, stamp, now)
         self._sensors.take(now, frame, fault, news=news)
+
+    def heard_other(self, name: str, now: float, stamp: float, fault: Fault | None = None, frame: str = "") -> None:
+        """A message of another sensor arrived, by which the robot avoids obstacles; it must not fall silent then.
+
+        Args:
+            name: of the sensor for the operator: scan or points.
+            now: as for `heard_sensor`, and so are the others.
+            stamp: likewise.
+            fault: likewise.
+            frame: likewise.
+        """
+        watch = self._others.setdefault(name, SensorWatch(name, self._config.scan_timeout, required=False))
+        news = self._advances(watch.order(now, frame), stamp, now)
+        watch.take(now, frame, fault, news=news)
 
     def updated_map(self, now: float) -> None:
         """The belief took in what had arrived."""
@@ -134,7 +149,8 @@ class HealthMonitor:
             is_free: whether a position is known to be free in the belief.
         """
         sensor = None if self._latched and self._sensors.heard else self._sensors.fault(now)
-        faults = [*([] if sensor is None else [sensor]), *self._pose_faults(now)]
+        others = [watch.fault(now) for watch in tuple(self._others.values())]
+        faults = [*(fault for fault in (sensor, *others) if fault is not None), *self._pose_faults(now)]
         config = self._config
         last = self._map_time
         if last is None:

@@ -33,9 +33,16 @@ class SensorWatch:
     away.
     """
 
-    def __init__(self, name: str, timeout: float) -> None:
-        """Have heard nothing; ``name`` is the sensor's for the operator, ``timeout`` is in seconds."""
+    def __init__(self, name: str, timeout: float, *, required: bool = True) -> None:
+        """Have heard nothing.
+
+        Args:
+            name: of the sensor for the operator.
+            timeout: seconds.
+            required: there has to be one; without, only one that was heard for longer than the time-out counts.
+        """
         self._name = name
+        self._required = required
         self._timeout = timeout
         self._lidars: dict[str, _Lidar] = {}
 
@@ -70,11 +77,12 @@ class SensorWatch:
     def fault(self, now: float) -> Fault | None:
         """Say what is wrong with the first lidar with which something is; None while all is well."""
         lidars = tuple(self._lidars.items())
-        if not lidars:
-            return Fault(FaultKind.SENSOR_STALE, f"no {self._name} received yet")
-        newest = max(lidar.arrived for _, lidar in lidars)
-        if now - newest > self._timeout:
-            return Fault(FaultKind.SENSOR_STALE, self._silence("", now - newest))
+        if self._required:
+            if not lidars:
+                return Fault(FaultKind.SENSOR_STALE, f"no {self._name} received yet")
+            newest = max(lidar.arrived for _, lidar in lidars)
+            if now - newest > self._timeout:
+                return Fault(FaultKind.SENSOR_STALE, self._silence("", now - newest))
         for frame, lidar in lidars:
             fault = self._fault_of(lidar, frame if len(lidars) > 1 else "", now)
             if fault is not None:
@@ -87,8 +95,8 @@ class SensorWatch:
         if now - lidar.arrived > timeout:
             if lidar.arrived - lidar.first <= timeout:
                 return None
-            silence = f"{self._silence(where, now - lidar.arrived)}, while those in other frames arrive"
-            return Fault(FaultKind.SENSOR_STALE, f"{silence}: restart that lidar, or the bridge if it was taken away")
+            what = self._silence(where, now - lidar.arrived)
+            return Fault(FaultKind.SENSOR_STALE, f"{what}: restart that lidar, or the bridge if it was taken away")
         stale = lidar.sound is None or now - lidar.sound > timeout
         if lidar.unsound is not None and (stale or lidar.unsound[0] >= _UNSOUND):
             count, fault = lidar.unsound

@@ -101,6 +101,25 @@ def test_a_lidar_that_is_lost_is_named_though_the_other_one_works(front, kind):
     assert robot.health.check(robot.time) == []
 
 
+def test_a_lidar_for_obstacles_alone_must_not_fall_silent_either():
+    config = load_deploy_config(
+        None, ["driving.enabled=true", "sensing.pose=odometry", "topics.scan=/scan"], {}, "nav2"
+    )
+    health = HealthMonitor(config.safety, sensor="grid")
+    inputs = Inputs(config, RobotMap(config), health)
+    health.heard_sensor(0.0)
+    health.updated_map(0.0)
+    for step in range(1, 30):
+        now = 0.1 * step
+        received = Received(now, step, 0)
+        inputs.take_odometry(ros.odometry(now, "map", "base_link", base(now)), received)
+        if step < 15:
+            inputs.take_scan(ros.laser_scan(now, "base_link", scan_of("front", now)), received)
+            assert health.check(now) == []
+    (fault,) = health.check(now)
+    assert fault.kind is FaultKind.SENSOR_STALE and "no scan for 1.5 s" in fault.reason
+
+
 def test_a_frame_that_was_named_by_mistake_is_no_lidar():
     robot = Robot()
     robot.inputs.take_scan(ros.laser_scan(0.05, "laser", scan_of("rear", 0.0)), robot._received())
