@@ -8,7 +8,8 @@ from typing import Final
 
 from common.geometry import Pose
 from deploy.config import SensingConfig
-from deploy.mapping.transforms import Transform, TransformTree
+from deploy.mapping.transform import Transform
+from deploy.mapping.transforms import TransformTree
 from deploy.network_config import FramesConfig
 
 # A transform between two names of one frame may be off by so much, metres and radians.

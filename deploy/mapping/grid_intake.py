@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deploy.mapping.intake import Intake
 from deploy.mapping.slam_grid import SlamGrid
-from deploy.mapping.transforms import Transform
+from deploy.mapping.transform import Transform
 from deploy.safety.stamps import Order, StampOrder
 
 

@@ -20,7 +20,8 @@ from deploy.mapping.log_odds import Beams
 from deploy.mapping.message_log import MessageLog
 from deploy.mapping.placing import NoPlaceError, Placed, Placing, planar_scan
 from deploy.mapping.pose_buffer import PoseBuffer
-from deploy.mapping.transforms import Transform, TransformTree
+from deploy.mapping.transform import Transform
+from deploy.mapping.transforms import TransformTree
 from deploy.mapping.volume import ExploredVolume
 from deploy.network_config import FramesConfig
 from deploy.safety.stamps import Order, StampOrder

@@ -13,7 +13,7 @@ import numpy as np
 
 from common.errors import MappingError
 from deploy.config import DeployConfig
-from deploy.mapping.transforms import Transform
+from deploy.mapping.transform import Transform
 from deploy.recording.reader import Recorded
 from deploy.ros2.conversions import points_from, transforms_from
 from deploy.ros2.errors import RosError
