@@ -74,11 +74,14 @@ class ToBridge(Lane):
         """
         super().__init__(route)
         self._dds = dds
-        self._publisher: Publisher = node.publisher(route.topic, route.kind, route.qos)
+        # Of a button that was pressed and let go, a bridge that starts later hears what it said last.
+        offered = replace(route.qos, depth=1) if route.any_durability else route.qos
+        self._publisher: Publisher = node.publisher(route.topic, route.kind, offered)
         self._lock = threading.Lock()
         self._mismatched: set[str] = set()
         self._qos = route.qos
-        self._subscriptions = [self._subscribe(route.qos.transient_local)]
+        durabilities = {False, True} if route.any_durability else {route.qos.transient_local}
+        self._subscriptions = [self._subscribe(latched) for latched in sorted(durabilities)]
 
     def adapt(self) -> None:
         """Ask for less where a publisher offers less; not to be called from the DDS thread."""

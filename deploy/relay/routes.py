@@ -34,6 +34,7 @@ class Route:
         qos: asked of publishers where messages come from, and offered where they go to.
         needed: the bridge stands without it.
         moves: its messages move or stop the robot.
+        any_durability: publishers are heard from the first moment whether they keep their last message or not.
     """
 
     topic: str
@@ -42,6 +43,7 @@ class Route:
     qos: QoS = RELIABLE
     needed: bool = False
     moves: bool = False
+    any_durability: bool = False
 
 
 def routes_of(config: DeployConfig) -> list[Route]:
@@ -78,11 +80,19 @@ def _to_bridge(config: DeployConfig) -> list[Route]:
         (topics.start, "std_msgs/msg/Bool", RELIABLE, False),
         (topics.goal, "geometry_msgs/msg/PointStamped", RELIABLE, False),
         (topics.goal_pose, "geometry_msgs/msg/PoseStamped", RELIABLE, False),
-        (topics.emergency_stop, "std_msgs/msg/Bool", RELIABLE, False),
+        (topics.emergency_stop, "std_msgs/msg/Bool", QoS(transient_local=True), False),
         (topics.joy, "sensor_msgs/msg/Joy", RELIABLE, False),
     ]
     return [
-        Route(_absolute(topic, config), kind, Direction.TO_BRIDGE, qos, needed)
+        Route(
+            _absolute(topic, config),
+            kind,
+            Direction.TO_BRIDGE,
+            qos,
+            needed,
+            # Nobody presses a button again because the first press was not heard.
+            any_durability=topic == topics.emergency_stop,
+        )
         for topic, kind, qos, needed in wanted
         if topic
     ]
