@@ -18,6 +18,18 @@ from common.network.policy_network import PolicyNetwork
 from common.observations.observation import Observation, ObservationBatch
 from learner.algorithm.critic import CriticHead
 
+# Of what goes into a ReLU: at its kink rounding decides which of two gradients there is.
+KINK = 1e-6
+
+
+def watch_kinks(network: nn.Module) -> list[float]:
+    """Return a list that receives how near to zero the inputs of each ReLU come in the next calls."""
+    nearest: list[float] = []
+    for name, module in network.named_modules():
+        if name.endswith(".rise"):
+            module.register_forward_hook(lambda _module, _inputs, result: nearest.append(result.abs().min().item()))
+    return nearest
+
 
 @dataclass
 class DenseBatch:

@@ -21,7 +21,7 @@ from common.network.graph_batch import GraphBatch
 from common.network.parameters import parameter_shapes
 from common.network.segment import segment_sum
 from common.network.state import to_arrays
-from tests.common.network.dense import dense_batch, dense_policy
+from tests.common.network.dense import KINK, dense_batch, dense_policy, watch_kinks
 from tests.effort import examples
 from tests.observations import random_batch
 
@@ -55,13 +55,9 @@ def test_equals_dense_implementation(seed: int, count: int, variant: str, featur
     network = make_policy_network(config)
     observations = random_batch(rng, count, (2, 30))
     batch = GraphBatch.from_observations(observations, config)
-    before_relu: list[float] = []
-    for name, module in network.named_modules():
-        if name.endswith(".rise"):
-            module.register_forward_hook(lambda _module, _inputs, result: before_relu.append(result.abs().min().item()))
+    before_relu = watch_kinks(network)
     output = network(batch)
-    # At the kink of a ReLU rounding decides which of two gradients there is.
-    assume(min(before_relu) > 1e-6)
+    assume(min(before_relu) > KINK)
     dense = dense_batch(observations, batch.features, variant == "vanilla")
     log_beacon, log_waypoint = dense_policy(network, dense)
     torch.testing.assert_close(output.log_beacon, log_beacon, atol=2e-5, rtol=1e-5)
