@@ -35,17 +35,19 @@ class Adjacency:
 
 
 @njit(cache=True, nogil=True)
-def _number_all(pieces: Any, first_of: NDArray[np.int32], numbers: NDArray[np.int32]) -> int:
-    """Number all viewpoints row-major by square, then in the order of the pieces of a square; return how many."""
+def _number_all(pieces: Any, first_of: NDArray[np.int32], numbers: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Number all viewpoints row-major by square, then in the order of the pieces of a square; return their pieces."""
+    ordered = np.empty(len(numbers), dtype=np.int32)
     n = 0
     for first in first_of:
         piece = first
         while piece >= 0:
             if pieces[piece].exists:
+                ordered[n] = piece
                 numbers[piece] = n
                 n += 1
             piece = pieces[piece].next
-    return n
+    return ordered[:n]
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -94,11 +96,11 @@ def reach(
     pair_count, pair_other, pair_state = pairs
     touch_count, touch_other, touch_length = touches
     numbers = np.full(used, -1, dtype=np.int32)
-    every = _number_all(pieces, first_of, numbers)
+    ordered = _number_all(pieces, first_of, numbers)
+    every = len(ordered)
     most = 0
-    for piece in range(used):
-        if numbers[piece] >= 0:
-            most += pair_count[piece] + touch_count[piece, 0] + touch_count[piece, 1]
+    for piece in ordered:
+        most += pair_count[piece] + touch_count[piece, 0] + touch_count[piece, 1]
     # Every edge stands with its end that comes first: listed in that order, and once.
     low = np.empty(most, dtype=np.int32)
     high = np.empty(most, dtype=np.int32)
@@ -106,50 +108,41 @@ def reach(
     bends = np.empty(most, dtype=np.bool_)
     parent = np.arange(every).astype(np.int32)
     edges = 0
-    for first in first_of:
-        piece = first
-        while piece >= 0:
-            here = numbers[piece]
-            if here >= 0:
-                begin = edges
-                x, y = pieces[piece].x, pieces[piece].y
-                for k in range(pair_count[piece]):
-                    if pair_state[piece, k] == IN_LINE:
-                        there = pair_other[piece, k]
-                        dx, dy = float(pieces[there].x - x), float(pieces[there].y - y)
-                        high[edges], bends[edges] = numbers[there], False
-                        far[edges] = np.sqrt(dx * dx + dy * dy) / SUBCELLS * resolution
-                        edges += 1
-                for side in range(2):
-                    for k in range(touch_count[piece, side]):
-                        there = touch_other[piece, side, k]
-                        if numbers[there] >= 0 and np.isfinite(touch_length[piece, side, k]):
-                            high[edges], bends[edges] = numbers[there], True
-                            far[edges] = touch_length[piece, side, k] / SUBCELLS * resolution
-                            edges += 1
-                root = _root(parent, here)
-                for e in range(begin, edges):
-                    low[e] = here
-                    other = _root(parent, high[e])
-                    parent[max(root, other)] = root = min(root, other)
-            piece = pieces[piece].next
+    for here in range(every):
+        piece = ordered[here]
+        begin = edges
+        x, y = pieces[piece].x, pieces[piece].y
+        for k in range(pair_count[piece]):
+            if pair_state[piece, k] == IN_LINE:
+                there = pair_other[piece, k]
+                dx, dy = float(pieces[there].x - x), float(pieces[there].y - y)
+                high[edges], bends[edges] = numbers[there], False
+                far[edges] = np.sqrt(dx * dx + dy * dy) / SUBCELLS * resolution
+                edges += 1
+        for side in range(2):
+            for k in range(touch_count[piece, side]):
+                there = touch_other[piece, side, k]
+                if numbers[there] >= 0 and np.isfinite(touch_length[piece, side, k]):
+                    high[edges], bends[edges] = numbers[there], True
+                    far[edges] = touch_length[piece, side, k] / SUBCELLS * resolution
+                    edges += 1
+        root = _root(parent, here)
+        for e in range(begin, edges):
+            low[e] = here
+            other = _root(parent, high[e])
+            parent[max(root, other)] = root = min(root, other)
 
     # The lowest of connected nodes stands for them; the ones connected with the start keep their order.
     node_of = np.full(every, -1, dtype=np.int32)
     order = np.empty(every, dtype=np.int32)
     home = _root(parent, numbers[start])
+    numbers[:] = -1
     n = 0
-    for first in first_of:
-        piece = first
-        while piece >= 0:
-            here = numbers[piece]
-            if here >= 0:
-                numbers[piece] = -1
-                if _root(parent, here) == home:
-                    order[n] = piece
-                    node_of[here] = numbers[piece] = n
-                    n += 1
-            piece = pieces[piece].next
+    for here in range(every):
+        if _root(parent, here) == home:
+            order[n] = ordered[here]
+            node_of[here] = numbers[ordered[here]] = n
+            n += 1
     # How many neighbours each node has before it, and in all.
     before = np.zeros(n, dtype=np.int64)
     pointer = np.zeros(n + 1, dtype=np.int64)
