@@ -12,6 +12,7 @@ from typing import Annotated, Literal, Protocol, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from common.config.section import Length
 from common.errors import HDError
 from common.ids import ID_PATTERN
 from common.system.paths import exists
@@ -94,8 +95,8 @@ class Results(Record):
     """
 
     task: TaskId
-    metres_per_pixel: Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
-    sensor_range_m: Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
+    metres_per_pixel: Length
+    sensor_range_m: Length
     units: Literal["px"] = "px"
     planner: Name
     commit: str

@@ -17,6 +17,7 @@ from actors.evaluation.omniscient import OmniscientReference
 from actors.evaluation.replanning import Replan
 from common.config import MappingConfig, SimulatorConfig, TaskConfig
 from common.config.names import generators_of
+from common.config.section import Length
 from common.errors import CheckpointError, ConfigError
 from common.extensions import SIMULATORS
 from common.planners.base import Planner
@@ -51,7 +52,7 @@ class EvaluationSettings(BaseModel):
 
     maps: tuple[str, ...]
     limit: Annotated[int, Field(ge=1)] | None = None
-    metres_per_pixel: Annotated[float, Field(gt=0.0, le=1e6)] = 0.25
+    metres_per_pixel: Length = 0.25
     task: TaskConfig = TaskConfig()
     mapping: MappingConfig = MappingConfig()
     simulator: SimulatorConfig = SimulatorConfig(name="grid")

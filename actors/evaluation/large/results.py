@@ -27,6 +27,7 @@ from actors.evaluation.results import (
 from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.worlds import WorldSet
 from actors.maps.grid_map import GridMap
+from common.config.section import Length
 from common.registry import refuse_modules
 
 Count = Annotated[int, Field(ge=0)]
@@ -110,8 +111,8 @@ class LargeResults(Record):
 
     kind: Literal["large"] = "large"
     task: TaskId
-    metres_per_pixel: Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
-    sensor_range_m: Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
+    metres_per_pixel: Length
+    sensor_range_m: Length
     planner: Name
     commit: str
     seed: int
