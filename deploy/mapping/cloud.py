@@ -12,7 +12,7 @@ from common.errors import MappingError
 from common.system.jit import njit
 from deploy.config import SensingConfig
 from deploy.mapping.log_odds import Beams
-from deploy.mapping.transform import Transform
+from deploy.tf.transform import Transform
 
 FAR: Final = (50.0, 100.0)
 """Twentieth and median of the distances of a cloud's points from which on they are no metres."""

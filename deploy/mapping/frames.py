@@ -8,9 +8,9 @@ from typing import Final
 
 from common.geometry import Pose
 from deploy.config import SensingConfig
-from deploy.mapping.transform import Transform
-from deploy.mapping.transforms import TransformTree
 from deploy.network_config import FramesConfig
+from deploy.tf.transform import Transform
+from deploy.tf.transforms import TransformTree
 
 # A transform between two names of one frame may be off by so much, metres and radians.
 _SAME: Final = 0.01

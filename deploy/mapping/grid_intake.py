@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from deploy.mapping.intake import Intake
 from deploy.mapping.slam_grid import SlamGrid
-from deploy.mapping.transform import Transform
-from deploy.safety.stamps import Order, StampOrder
+from deploy.tf.stamps import Order, StampOrder
+from deploy.tf.transform import Transform
 
 
 class GridIntake:

@@ -20,11 +20,11 @@ from deploy.mapping.log_odds import Beams
 from deploy.mapping.message_log import MessageLog
 from deploy.mapping.placing import NoPlaceError, Placed, Placing, planar_scan
 from deploy.mapping.pose_buffer import PoseBuffer
-from deploy.mapping.transform import Transform
-from deploy.mapping.transforms import TransformTree
 from deploy.mapping.volume import ExploredVolume
 from deploy.network_config import FramesConfig
-from deploy.safety.stamps import Order, StampOrder
+from deploy.tf.stamps import Order, StampOrder
+from deploy.tf.transform import Transform
+from deploy.tf.transforms import TransformTree
 
 StampedTransform = tuple[float, str, str, tuple[float, float, float], tuple[float, float, float, float]]
 

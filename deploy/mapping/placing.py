@@ -14,9 +14,9 @@ from deploy.config import SensingConfig
 from deploy.mapping.frames import Frames, Place
 from deploy.mapping.log_odds import Beams
 from deploy.mapping.pose_buffer import PoseBuffer
-from deploy.mapping.transform import Transform
-from deploy.mapping.transforms import TransformTree
 from deploy.network_config import FramesConfig
+from deploy.tf.transform import Transform
+from deploy.tf.transforms import TransformTree
 
 # A base may lie so high above the floor, metres; beyond that TF and the configured height of the lidar disagree.
 _HEIGHT_OFF: Final = 0.4

@@ -20,11 +20,11 @@ from common.page.hub import Hub
 from common.system.documents import DocumentError, parse_json
 from common.system.steady_time import steady_time
 from deploy.config import DeployConfig
-from deploy.mapping.transform import Transform
 from deploy.ros2 import LATCHED, RELIABLE, SENSOR, QoS, RosError
 from deploy.ros2.conversions import grid_from, path_from, points_from, pose_from, scan_from
 from deploy.ros2.messages import Message, deserialize
 from deploy.ros2.names import namespace, topic_name
+from deploy.tf.transform import Transform
 
 log = logging.getLogger(__name__)
 

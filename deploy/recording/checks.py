@@ -13,12 +13,12 @@ import numpy as np
 
 from common.errors import MappingError
 from deploy.config import DeployConfig
-from deploy.mapping.transform import Transform
 from deploy.recording.reader import Recorded
 from deploy.ros2.conversions import points_from, transforms_from
 from deploy.ros2.errors import RosError
 from deploy.ros2.messages import Message, deserialize, seconds, typestore
 from deploy.ros2.names import namespace, topic_name
+from deploy.tf.transform import Transform
 
 _KNOWN_GRID_VALUES = frozenset({-1, 0, 100})
 _SKEW = 1.0

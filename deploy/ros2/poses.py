@@ -117,7 +117,7 @@ def path(time: float, frame: str, positions: Sequence[Position], z: float = 0.0)
 
 
 def transforms_from(transforms: Message) -> list[Transform]:
-    """Return the transforms of a TFMessage as they are; `deploy.mapping.transforms` looks whether each of them is one.
+    """Return the transforms of a TFMessage as they are; `deploy.tf.transforms` looks whether each of them is one.
 
     A message carries those of several publishers' frames: one that is wrong must not hide the others.
     """

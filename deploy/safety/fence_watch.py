@@ -8,12 +8,12 @@ from collections.abc import Callable
 
 from common.errors import MappingError
 from common.geometry import Pose
-from deploy.mapping.transforms import TransformTree
 from deploy.network_config import FramesConfig, TopicsConfig
 from deploy.ros2 import SENSOR, STATIC, Message, Node, QoS, Received
 from deploy.ros2.conversions import pose_from, transforms_from
 from deploy.safety.geofence import Geofence
-from deploy.safety.stamps import Order, StampOrder
+from deploy.tf.stamps import Order, StampOrder
+from deploy.tf.transforms import TransformTree
 
 log = logging.getLogger(__name__)
 

@@ -12,8 +12,8 @@ from deploy.safety.faults import FaultKind as FaultKind  # noqa: PLC0414
 from deploy.safety.geofence import Geofence
 from deploy.safety.motion import MotionWatch
 from deploy.safety.sensor_watch import SensorWatch
-from deploy.safety.stamps import Order, StampOrder
 from deploy.safety.swings import PoseSwings
+from deploy.tf.stamps import Order, StampOrder
 
 
 class HealthMonitor:

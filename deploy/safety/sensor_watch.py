@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from deploy.safety.faults import Fault, FaultKind
-from deploy.safety.stamps import StampOrder
+from deploy.tf.stamps import StampOrder
 
 MAX_LIDARS: Final = 16
 """Frames come from outside: of more lidars than a robot can have none is watched by itself."""

@@ -8,7 +8,7 @@ from common.geometry import Pose
 from deploy.config import SensingConfig
 from deploy.mapping.cloud import checked_points, project
 from deploy.mapping.log_odds import Beams
-from deploy.mapping.transform import Transform
+from deploy.tf.transform import Transform
 from tests.deploy.mapping.lidar import cloud_at, room, scan_at
 
 SENSING = SensingConfig(beams=360)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.safety.stamps import Order, StampOrder
+from deploy.tf.stamps import Order, StampOrder
 
 
 def orders(*stamps):

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.errors import MappingError
-from deploy.mapping.transform import Transform, interpolated
-from deploy.mapping.transforms import TransformTree
+from deploy.tf.transform import Transform, interpolated
+from deploy.tf.transforms import TransformTree
 
 NUMBERS = st.floats(-50.0, 50.0)
 

@@ -7,7 +7,7 @@ from math import isfinite
 from typing import Final
 
 from common.errors import MappingError
-from deploy.mapping.transform import Quaternion, Transform, Vector, differ, interpolated
+from deploy.tf.transform import Quaternion, Transform, Vector, differ, interpolated
 
 # Frames that a message names at most.
 _SHOWN: Final = 12
