@@ -14,36 +14,15 @@ import threading
 from contextlib import nullcontext
 
 from actors.options import ActorOptions
+from actors.parent import follow_parent
 from common.errors import HDError
 from common.system.logs import setup_logging
-from common.system.signals import on_signals, terminate_with_parent
+from common.system.signals import on_signals
 
 log = logging.getLogger(__name__)
 
 EXIT_CRASH = 1
 EXIT_UNUSABLE = 3
-
-_PARENT_POLL_SECONDS = 0.5
-
-
-def follow_parent(parent: int, stop: threading.Event) -> None:
-    """End this process when its supervisor is gone.
-
-    Linux is asked for a SIGTERM; a thread looks after the parent's number everywhere, and ends the process outright
-    when a stop in good order takes longer than three seconds.
-    """
-    terminate_with_parent()
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            if stop.wait(_PARENT_POLL_SECONDS):
-                return
-        log.warning("the supervisor (process %d) is gone: stopping", parent)
-        stop.set()
-        threading.Event().wait(3.0)
-        os._exit(EXIT_CRASH)
-
-    threading.Thread(target=watch, name="parent", daemon=True).start()
 
 
 def main(arguments: list[str] | None = None) -> int:

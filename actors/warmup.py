@@ -18,7 +18,7 @@ from actors.expert import make_expert
 from actors.maps.files import warm_up as warm_up_files
 from actors.maps.generators import make_generator
 from actors.maps.generators import warm_up as warm_up_generators
-from actors.process import follow_parent
+from actors.parent import follow_parent
 from actors.simulators.factory import make_simulator
 from actors.tasks import make_goal
 from actors.transition_recorder import TransitionRecorder

@@ -26,7 +26,7 @@ from actors.evaluation.worlds import WorldSet
 from actors.maps.generators import make_generator
 from actors.maps.grid_map import GridMap
 from actors.maps.layout import BLOCK
-from actors.process import follow_parent
+from actors.parent import follow_parent
 from actors.simulators.factory import make_simulator
 from common.errors import HDError
 from common.mapping.warmup import warm_up as warm_up_mapping
