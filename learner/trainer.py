@@ -21,7 +21,7 @@ from learner.prefetch import Prefetch
 from learner.publishing import Publisher
 from learner.rate_limiter import RateLimiter
 from learner.replay.buffer import ReplayBuffer
-from learner.replay.draw import draw_batch
+from learner.replay.draw import draw_batch, may_draw
 from learner.run.best import BestPolicy
 from learner.run.cards import PolicyCards
 from learner.run.checkpoints import CheckpointStore
@@ -34,7 +34,7 @@ from learner.run.journal import Journal
 from learner.run.mirror import Mirror
 from learner.run.summary import RunSummary, write_summary
 from learner.watch.curve_recorder import LOG_EVERY, CurveRecorder
-from learner.watch.evaluation import Round
+from learner.watch.evaluation import Round, validation_of
 from learner.watch.event_file import mend_folder
 from learner.watch.writers import make_writers
 
@@ -84,7 +84,7 @@ class Trainer:
         self._rng = np.random.default_rng([config.seed, 2])
         self._ahead = None if prepare is None else Prefetch(self.replay, config, prepare)
         self._cards = PolicyCards(config, self.limiter)
-        self.best = BestPolicy(self.checkpoints, self._cards.describe)
+        self.best = BestPolicy(self.checkpoints, self._cards.describe, validation_of(config))
         self._publisher = Publisher(algorithm, self.best, publish, config.learner)
         self._checkpointer = Checkpointer(config, self.checkpoints, algorithm, self._rng, self._cards.describe)
         mirror = config.checkpoints.mirror
@@ -121,6 +121,7 @@ class Trainer:
         self.recorder.write_text("config", f"```json\n{self.config.model_dump_json(indent=2)}\n```")
         if len(self._journal.segments()) > 1:
             self.ingest.rebuild(self.ingest.nothing_yet, updates=0)
+        self.run.write_config()
         self._first_checkpoint()
 
     def resume(self) -> None:
@@ -137,6 +138,7 @@ class Trainer:
         checkpoint = self.checkpoints.load_newest()
         self._cards.earlier_seconds = self._checkpointer.restore(checkpoint, self._open_records)
         updates = self.limiter.updates
+        self.run.write_config()
         self.run.note_code(updates)
         logger.info(
             "resumed run %s from checkpoint %s: %d updates, %d steps, %d episodes",
@@ -410,14 +412,15 @@ class Trainer:
     def _may_learn(self) -> bool:
         if self._stop.is_set() or not self.limiter.may_update():
             return False
-        if self.cloning and not self.replay.labelled:
-            if not self._warned_unlabelled:
-                self._warned_unlabelled = True
-                logger.warning(
-                    "no labelled step received yet, so imitation waits: actors label only if cloning is enabled"
-                )
-            return False
-        return self.cloning or len(self.replay) > 0
+        if may_draw(self.replay, self.config, cloning=self.cloning):
+            return True
+        if len(self.replay) and not self._warned_unlabelled:
+            self._warned_unlabelled = True
+            logger.warning(
+                "no labelled step received yet, so learning waits: actors label for imitation, for PPO and for "
+                "sac.privileged_critic, once they have this configuration"
+            )
+        return False
 
     def _wake(self) -> None:
         if hasattr(self, "ingest"):

@@ -168,8 +168,8 @@ def with_options(
         seed: of what is drawn.
 
     Raises:
-        WeightsError: its features do not begin with those that the weights were trained with, or it has more layers of
-            attention among beacons than these.
+        WeightsError: its features do not begin with those that the weights were trained with, it has more layers of
+            attention among beacons than these, or another number of heads.
     """
     before, after = FEATURE_NAMES[trained.features], FEATURE_NAMES[wanted.features]
     if after[: len(before)] != before:
@@ -182,6 +182,7 @@ def with_options(
             f"weights of a network with {trained.beacon_attention} layers of attention among beacons cannot go on with "
             f"{wanted.beacon_attention}: set network.beacon_attention={trained.beacon_attention}"
         )
+    _check_heads(trained, wanted)
     name = "encoder.embedding.weight"
     missing = len(after) - len(before)
     grown = dict(arrays)
@@ -191,6 +192,32 @@ def with_options(
         if option.startswith(_OPTIONS):
             grown.setdefault(option, values)
     return grown
+
+
+def check_successor(trained: NetworkConfig, wanted: NetworkConfig) -> None:
+    """Refuse a network that cannot go on with all weights of another one as they are.
+
+    Raises:
+        WeightsError: it reads other features, has other weights, or reads them in other heads.
+    """
+    if trained.features != wanted.features:
+        raise WeightsError(f"it reads network.features={trained.features}, not {wanted.features}")
+    _check_heads(trained, wanted)
+    before, after = parameter_shapes(trained), parameter_shapes(wanted)
+    for name in sorted(before.keys() | after.keys(), key=list({**before, **after}).index):
+        if before.get(name) != after.get(name):
+            raise WeightsError(
+                f"weight {name} would have the shape {after.get(name, 'none')} instead of {before.get(name, 'none')}"
+            )
+
+
+def _check_heads(trained: NetworkConfig, wanted: NetworkConfig) -> None:
+    """Refuse another number of heads, which the shapes of the weights do not show."""
+    if trained.heads != wanted.heads and wanted.variant != "cnn":
+        raise WeightsError(
+            f"weights that were trained with {trained.heads} heads of attention mean something else with "
+            f"{wanted.heads}: set network.heads={trained.heads}"
+        )
 
 
 def check_parameters(arrays: Arrays, shapes: Shapes) -> None:

@@ -169,6 +169,13 @@ class ReplayBuffer:
         with self._lock:
             return int(np.count_nonzero(self._columns.labelled[: min(self._next, self._slots)]))
 
+    @property
+    def labelled_transitions(self) -> int:
+        """Number of labelled steps whose successor is here."""
+        with self._lock:
+            columns, held = self._columns, min(self._next, self._slots)
+            return int(np.count_nonzero(columns.labelled[:held] & (columns.successor[:held] >= 0)))
+
     def versions(self) -> NDArray[np.int64]:
         """Return the policy version behind every step held, oldest first."""
         with self._lock:

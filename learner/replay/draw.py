@@ -9,6 +9,15 @@ from learner.algorithm.batch import TransitionBatch
 from learner.replay.buffer import ReplayBuffer
 
 
+def may_draw(replay: ReplayBuffer, config: RunConfig, *, cloning: bool) -> bool:
+    """Whether the buffer holds what `draw_batch` draws."""
+    if cloning:
+        return replay.labelled > 0
+    if config.algorithm == "ppo" or config.sac.privileged_critic:
+        return replay.labelled_transitions > 0
+    return len(replay) > 0
+
+
 def draw_batch(
     replay: ReplayBuffer, config: RunConfig, size: int, rng: np.random.Generator, *, cloning: bool
 ) -> TransitionBatch:

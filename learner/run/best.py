@@ -18,6 +18,9 @@ from learner.watch.evaluation import PublishedPolicies, Round, Score
 
 logger = logging.getLogger(__name__)
 
+VALIDATION = "validation"
+"""Key of a best policy's document, beside those of its card: what its evaluation depended on."""
+
 
 class BestPolicy:
     """Keeps the policy with the best evaluation in the checkpoint that `best` points at.
@@ -25,13 +28,18 @@ class BestPolicy:
     Args:
         checkpoints: of the run.
         describe: makes the card of a policy from its version, its updates and its evaluation.
+        validation: what its figures depend on besides the policy; see `validation_of`.
     """
 
     def __init__(
-        self, checkpoints: CheckpointStore, describe: Callable[[int, int, dict[str, float]], PolicyCard]
+        self,
+        checkpoints: CheckpointStore,
+        describe: Callable[[int, int, dict[str, float]], PolicyCard],
+        validation: Mapping[str, Any],
     ) -> None:
         self._checkpoints = checkpoints
         self._describe = describe
+        self._validation = dict(validation)
         self._published = PublishedPolicies()
         self.version = -1
         """Version of the best policy, -1 before the first complete evaluation."""
@@ -70,6 +78,7 @@ class BestPolicy:
         updates, weights = policy
         card = self._describe(finished.version, updates, finished.figures)
         document = {**asdict(card), "network": card.network.model_dump(), "mapping": card.mapping.model_dump()}
+        document[VALIDATION] = self._validation
         tensors = {name: torch.from_numpy(np.array(array)) for name, array in weights.items()}
         folder = self._checkpoints.save_best(finished.version, tensors, document)
         self.version, self.figures, self._score = finished.version, finished.figures, score
@@ -81,12 +90,25 @@ class BestPolicy:
             return
         try:
             document = self._checkpoints.load(name).document
-            self._score = Score.of(document["evaluation"])
+            score = Score.of(document["evaluation"])
             self.figures = dict(document["evaluation"])
             self.version = int(document["version"])
+            # Earlier releases noted none.
+            now, then = self._validation, dict(document.get(VALIDATION, {}))
+            changed = [key for key in {**then, **now} if then and now.get(key) != then.get(key)]
         except (CheckpointError, KeyError, TypeError, ValueError) as error:
             aside = self._checkpoints.set_aside(name)
             self._checkpoints.mend_pointers()
             logger.error(
                 "the best policy is set aside in %s, and the next evaluation counts as the best: %s", aside, error
             )
+            return
+        if changed:
+            logger.warning(
+                "%s was evaluated with another %s, so the next evaluation takes its place, whatever its figures: "
+                "export it before then if it is still of use",
+                name,
+                ", ".join(changed),
+            )
+            return
+        self._score = score

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from common.errors import CheckpointError
 from common.policies.onnx_file import SUFFIX as ONNX_SUFFIX
 from common.policies.policy_file import PolicyCard, card_from, write_onnx, write_policy
+from learner.run.best import VALIDATION
 from learner.run.checkpoints import EXPORT_PREFIX, Checkpoint, CheckpointStore
 from learner.run.folder import check_run, read_config
 from learner.run.onnx_model import onnx_model
@@ -43,7 +44,7 @@ def export_policy(run: Path, which: str, out: Path) -> PolicyCard:
     if not isinstance(document, dict):
         raise CheckpointError(f"checkpoint {store.folder / name} describes no policy: export another one with --which")
     if name.startswith("policy-"):
-        card = card_from(document)
+        card = card_from({key: value for key, value in document.items() if key != VALIDATION})
         arrays = {key: tensor.numpy() for key, tensor in checkpoint.tensors.items()}
     else:
         sizes = {"network": config.network.model_dump(), "mapping": config.mapping.model_dump()}

@@ -16,6 +16,7 @@ from common.errors import CheckpointError, ConfigError, LockedError, StorageErro
 from common.system.closing import Closing
 from common.system.documents import read_json
 from common.system.file_lock import FileLock
+from learner.run.changes import check_change
 from learner.run.code_state import write_code_state
 from learner.run.files import make_folder, remove_leftovers, replace_text, sync_path, to_json
 
@@ -52,6 +53,7 @@ class RunFolder(Closing):
     def __init__(self, path: Path, config: RunConfig, lock: FileLock) -> None:
         self.path = path
         self.config = config
+        self._written = config
         self._lock = lock
 
     @classmethod
@@ -72,6 +74,7 @@ class RunFolder(Closing):
             logger.info("run %s has no checkpoint: starting over, with the content of its journal", config.name)
             run = cls.open(root, config.name)
             run.reconfigure(config)
+            run.write_config()
             return run
         if path.exists():
             if not overwrite:
@@ -155,16 +158,30 @@ class RunFolder(Closing):
         return self.path / "episodes.jsonl"
 
     def reconfigure(self, config: RunConfig) -> None:
-        """Replace the configuration of a resumed run; the one before is kept as `config.<number>.json`."""
-        if config == self.config:
+        """Continue the run with another configuration; its file changes with `write_config` alone.
+
+        Raises:
+            ConfigError: what the run has learnt and stored would mean something else then.
+        """
+        if has_begun(self.path):
+            check_change(self._written, config)
+        self.config = config
+
+    def write_config(self) -> None:
+        """Write the configuration that the run continues with; the one before is kept as `config.<number>.json`.
+
+        Called once the run does continue with it: one that cannot be continued with must not take the place of the
+        one that it can.
+        """
+        if self.config == self._written:
             return
         number = 1 + len(list(self.path.glob("config.*.json")))
         try:
-            replace_text(self.path / f"config.{number}.json", _config_text(self.config))
-            replace_text(self.path / "config.json", _config_text(config))
+            replace_text(self.path / f"config.{number}.json", _config_text(self._written))
+            replace_text(self.path / "config.json", _config_text(self.config))
         except OSError as error:
             raise _cannot_write(self.path, error) from error
-        self.config = config
+        self._written = self.config
 
     def note_code(self, update: int) -> None:
         """Write the state of the code that continues the run from ``update`` on."""

@@ -110,6 +110,25 @@ class Evaluators:
         return self.anybody or host_of(actor, self.certified) in self.hosts
 
 
+def validation_of(config: RunConfig) -> dict[str, Any]:
+    """Return what the figures of evaluations depend on besides the policy, ready for JSON: others compare apart."""
+    apart = {"sensor_range", "viewpoint_spacing", "robot_radius", "max_steps", "unseen_area"}
+    worlds = {
+        f"worlds.{family.name}.{task.name}": list(config.sources(family, task.name, evaluate=True))
+        for family in config.mix
+        for task in config.tasks
+        if family.serves(task.name)
+    }
+    return {
+        "maps.validation_count": config.maps.validation_count,
+        "maps.metres_per_pixel": config.maps.metres_per_pixel,
+        **worlds,
+        **{f"families.{family.name}": family.model_dump(mode="json", include=apart) for family in config.mix},
+        **{f"task.{name}": value for name, value in config.task.model_dump(mode="json", exclude={"name"}).items()},
+        **{f"mapping.{name}": value for name, value in config.mapping.model_dump(mode="json").items()},
+    }
+
+
 ANYBODY = Evaluators(frozenset(), anybody=True)
 
 
@@ -117,12 +136,13 @@ class EvaluationRounds:
     """Collects the reports of evaluators until one version has run on all validation worlds.
 
     Each evaluator's reports are counted apart; when it turns to another version, or restarts, its unfinished round is
-    given up. Whatever else claims to be an evaluation counts nowhere, and the log says why, once for each reason:
-    reports of evaluators that were not asked, of versions that were never published, and of other worlds than those of
-    this process's first round.
+    given up. Maps lie where evaluators run, and may be fewer than what was asked for: an evaluator that turned to a
+    later version, and has run that in the very worlds of the one before, has no others. Whatever else claims to be an
+    evaluation counts nowhere, and the log says why, once for each reason: reports of evaluators that were not asked, of
+    versions that were never published, and of other worlds than those of this process's first round.
 
     Args:
-        worlds: number of validation worlds.
+        worlds: number of validation worlds that evaluators are asked for.
         evaluators: whose reports count.
         newest: tells the newest published version.
     """
@@ -134,6 +154,8 @@ class EvaluationRounds:
         self._evaluators = evaluators
         self._newest = newest
         self._open: OrderedDict[str, tuple[int, int, dict[str, EpisodeReport]]] = OrderedDict()
+        # Worlds of the version before, of evaluators that have turned to another one by themselves.
+        self._left: dict[str, frozenset[str]] = {}
         self._places: frozenset[str] = frozenset()
         self._said: set[str] = set()
         self.ignored = 0
@@ -149,18 +171,36 @@ class EvaluationRounds:
             return None
         known = self._open.get(actor)
         if known is None or known[:2] != (incarnation, report.version):
+            self._left.pop(actor, None)
+            if known is not None and known[0] == incarnation and known[1] < report.version:
+                self._left[actor] = frozenset(known[2])
             known = (incarnation, report.version, {})
             self._open[actor] = known
         self._open.move_to_end(actor)
         if len(self._open) > _MAX_OPEN:
-            self._open.popitem(last=False)
+            self._left.pop(self._open.popitem(last=False)[0], None)
         reports = known[2]
         reports[_place(report)] = report
-        if len(reports) < self._worlds:
+        if not self._is_whole(actor, frozenset(reports)):
             return None
         del self._open[actor]
+        self._left.pop(actor, None)
         self._places = frozenset(reports)
         return Round.of(report.version, reports.values())
+
+    def _is_whole(self, actor: str, places: frozenset[str]) -> bool:
+        """Whether an evaluator has run a version in all worlds that there are."""
+        if len(places) >= self._worlds or places == self._places:
+            return True
+        if places != self._left.get(actor):
+            return False
+        logger.warning(
+            "%s has %d validation worlds, and maps.validation_count is %d: a round of evaluation is complete with them",
+            actor,
+            len(places),
+            self._worlds,
+        )
+        return True
 
     def _objection(self, actor: str, report: EpisodeReport) -> str:
         """Return why a report does not count; empty when it does."""

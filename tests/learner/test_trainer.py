@@ -176,16 +176,46 @@ def test_one_bad_bit_in_the_newest_segment_costs_one_delivery_and_is_told(tmp_pa
         trainer.close()
 
 
-def test_a_checkpoint_of_another_network_is_refused_with_its_name(tmp_path):
+def test_a_change_that_cannot_be_continued_with_leaves_the_run_as_it_was(tmp_path, monkeypatch):
     with new_run(tmp_path) as run:
         trainer, _ = make_trainer(run)
         trainer.begin()
         trainer.close()
-        run.reconfigure(small_config(network={"width": 32}))
+    monkeypatch.setattr("learner.run.folder.check_change", lambda before, after: None)
     with RunFolder.open(tmp_path, "test") as run:
+        run.reconfigure(small_config(network={"width": 32}))
         again, _ = make_trainer(run)
-        with pytest.raises(HDError):
+        with pytest.raises(HDError, match=r"encoder\.embedding"):
             again.resume()
+        again.close()
+    with RunFolder.open(tmp_path, "test") as run:
+        assert run.config.network.width == 16
+        assert not list(run.path.glob("config.*.json"))
+        run.reconfigure(small_config(learner={"total_updates": 7}))
+        again, _ = make_trainer(run)
+        again.resume()
+        again.close()
+    with RunFolder.open(tmp_path, "test") as run:
+        assert run.config.learner.total_updates == 7
+
+
+def test_learning_waits_for_labels_that_a_changed_configuration_asks_for(tmp_path, caplog):
+    with new_run(tmp_path) as run:
+        trainer, _ = make_trainer(run)
+        trainer.begin()
+        for delivery in episodes(2):
+            trainer.ingest.store(delivery)
+        trainer.checkpoint()
+        trainer.close()
+    with RunFolder.open(tmp_path, "test") as run:
+        run.reconfigure(small_config(sac={"privileged_critic": True}, reward={"kind": "potential"}))
+        again, _ = make_trainer(run)
+        again.resume()
+        assert len(again.replay) and not again.data_is_ready()
+        assert "learning waits" in caplog.text
+        for delivery in episodes(2, actor="desk-1", labelled=True):
+            again.ingest.store(delivery)
+        train_some(again, 1)
         again.close()
 
 
@@ -267,7 +297,7 @@ def test_cloning_waits_for_labels_and_says_so(tmp_path, caplog):
             trainer.ingest.store(delivery)
         assert not trainer.data_is_ready()
         assert not trainer.data_is_ready()
-        assert caplog.text.count("imitation waits") == 1
+        assert caplog.text.count("learning waits") == 1
         trainer.close()
 
 

@@ -133,3 +133,10 @@ def test_what_cannot_work_is_refused() -> None:
     one, two = small(beacon_attention=1), small(beacon_attention=2)
     with pytest.raises(WeightsError, match=r"set network\.beacon_attention=1"):
         with_options(initial_parameters(one, 0), one, two)
+
+
+def test_weights_of_another_number_of_heads_are_refused() -> None:
+    two, four = small(heads=2), small(heads=4)
+    assert parameter_shapes(two) == parameter_shapes(four)
+    with pytest.raises(WeightsError, match=r"network\.heads=2"):
+        with_options(initial_parameters(two, 0), two, four)

@@ -107,8 +107,10 @@ def test_a_changed_configuration_keeps_the_one_before(tmp_path):
     with RunFolder.create(tmp_path, config) as run:
         changed = config.model_copy(update={"learner": LearnerConfig(total_updates=5)})
         run.reconfigure(config)
+        run.write_config()
         assert not list(run.path.glob("config.*.json"))
         run.reconfigure(changed)
+        run.write_config()
         before = json.loads((run.path / "config.1.json").read_text())
         assert before["learner"]["total_updates"] == 20_000
     with RunFolder.open(tmp_path, "a") as run:
