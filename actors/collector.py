@@ -18,7 +18,7 @@ from actors.maps.sources import recommended
 from actors.simulators.factory import make_simulator, simulator_label
 from actors.transition_recorder import TransitionRecorder
 from common.config import MappingConfig, RunConfig
-from common.errors import MapError
+from common.errors import ConfigError, MapError
 from common.messages.experience import Chunk, EpisodeReport
 from common.policies.policy import Policy
 
@@ -47,6 +47,11 @@ class Collector:
             validation worlds, reports only.
         gui: open PyBullet's window.
         spectator: sees every decision and every end.
+
+    Raises:
+        ConfigError: there are no worlds for that role.
+        MapError: a source of worlds cannot be used.
+        SimulatorError: the simulator cannot be made.
     """
 
     def __init__(
@@ -77,6 +82,12 @@ class Collector:
             for task in config.tasks
             if family.serves(task.name) and config.sources(family, task.name, evaluate=evaluate)
         ]
+        if not self._arenas:
+            kind = "validation" if evaluate else "train"
+            raise ConfigError(
+                f"the run has no {'validation' if evaluate else 'training'} worlds for {config.task_name}: set "
+                f"maps.{kind}, or `{kind}` of a family, where the learner starts"
+            )
         self._steps_of = [0] * len(self._arenas)
         if not config.families:
             for arena in self._arenas:
@@ -88,6 +99,7 @@ class Collector:
             for place, arena in enumerate(self._arenas):
                 self.worlds += [(arena, number) for number in arena.fixed_numbers(each + (place < over))]
         self._classical: dict[int, float] = {}
+        self._name_of: dict[tuple[Arena, str], list[int]] = {}
         self._recorder = TransitionRecorder(config.actor.chunk_steps, deliver)
         self._policy_driver = PolicyDriver(self.policy, self._rng, greedy=evaluate)
         self._expert_driver = ExpertDriver()
@@ -137,13 +149,21 @@ class Collector:
     def evaluate(self, index: int, keep_on: Callable[[], bool] = lambda: True) -> EpisodeReport | None:
         """Run validation world number ``index`` greedily and deliver the report; None when broken off.
 
-        With families of worlds, the report carries the distance of the classical planner, which runs there once.
+        Of worlds with one name, maps in two folders, the second one's report says NAME (2), and so on. With families of
+        worlds, the report carries the distance of the classical planner, which runs there once.
         """
         arena, number = self.worlds[index]
         if self.config.families and index not in self._classical:
             self._classical[index] = arena.classical_distance(number)
         classical = self._classical.get(index, 0.0)
-        return self._run(arena, arena.fixed(number), self._policy_driver, index, keep_on, None, False, classical)
+        stage = arena.fixed(number)
+        namesakes = self._name_of.setdefault((arena, stage.world.name), [])
+        if index not in namesakes:
+            namesakes.append(index)
+        place = 1 + namesakes.index(index)
+        if place > 1:
+            stage = replace(stage, world=replace(stage.world, name=f"{stage.world.name} ({place})"))
+        return self._run(arena, stage, self._policy_driver, index, keep_on, None, False, classical)
 
     def _next_arena(self) -> int:
         """Return the arena that lacks most steps for its share, the first of several."""

@@ -22,7 +22,7 @@ from common.bus.spec import fetch_spec
 from common.bus.stats import publish_stats
 from common.bus.views import ViewPublisher
 from common.bus.weights import WeightsPuller
-from common.errors import BusError
+from common.errors import BusError, MapError
 from common.messages.experience import Chunk, EpisodeReport
 from common.messages.replies import Spec
 from common.messages.stats import ActorStats
@@ -217,15 +217,23 @@ class Worker:
         total = len(parts.collector.worlds)
         successes = 0
         distance = 0.0
+        driven = 0
         for index in range(total):
             self.state = f"evaluating version {version}: world {index + 1} of {total}"
-            report = parts.collector.evaluate(index, lambda: not self._stop.is_set())
+            try:
+                report = parts.collector.evaluate(index, lambda: not self._stop.is_set())
+            except MapError as error:
+                log.warning("left out a validation world: %s", error)
+                continue
             if report is None:
                 return
+            driven += 1
             successes += report.success
             distance += report.distance
+        if not driven:
+            raise MapError("no validation world can be used; the reasons are above")
         log.info(
-            "version %d: %d of %d worlds complete, mean distance %.1f m", version, successes, total, distance / total
+            "version %d: %d of %d worlds complete, mean distance %.1f m", version, successes, driven, distance / driven
         )
 
 

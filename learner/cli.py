@@ -235,8 +235,13 @@ def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, ov
         raise ConfigError("--serial has no network, which the page reads: leave --page out")
     console = message_console()
     setup_logging(options.log_level, console=console if console.is_terminal else None)
-    from learner.map_check import check_maps
+    from learner.map_check import check_maps, has_validation
 
+    if options.evaluators and not has_validation(config):
+        raise ConfigError(
+            "--evaluators need validation worlds, and the run has none: set maps.validation, or `validation` of a "
+            "family that has its own `train`"
+        )
     check_maps(config, elsewhere=options.maps_elsewhere)
     # Torch takes seconds, which errors of the configuration need not wait for. Imported before the run's folder is
     # made, so that a missing package leaves none behind.

@@ -27,10 +27,17 @@ def check_maps(config: RunConfig, *, elsewhere: bool = False) -> None:
         elsewhere: maps lie on the actors' machines, so only generators are looked at.
 
     Raises:
-        ConfigError: a source cannot be used.
+        ConfigError: a source cannot be used, or there is none to train in.
     """
     for task in config.tasks:
         families = [family for family in config.mix if family.serves(task.name)]
+        for family in families:
+            if not config.sources(family, task.name, evaluate=False):
+                raise ConfigError(
+                    f"there are no worlds to train {task.name} in"
+                    + (f" for the family {family.name!r}: set its `train`, or" if config.families else ": set")
+                    + " maps.train, such as --set maps.train=generator:rooms"
+                )
         specs = [
             source
             for evaluate in (False, True)
@@ -76,4 +83,14 @@ def _check(specs: list[str], task: str, config: RunConfig) -> None:
         return
     raise ConfigError(
         f"maps of the run: {problem}. If the maps exist only on the actors' machines, add --maps-elsewhere"
+    )
+
+
+def has_validation(config: RunConfig) -> bool:
+    """Whether there are worlds for evaluators."""
+    return any(
+        config.sources(family, task.name, evaluate=True)
+        for task in config.tasks
+        for family in config.mix
+        if family.serves(task.name)
     )

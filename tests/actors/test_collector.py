@@ -1,8 +1,12 @@
+import json
+
 import pytest
 
 from actors.collector import Collector
 from common.config.load import load_config
+from common.errors import ConfigError
 from common.messages.experience import Chunk, EpisodeReport
+from tests.actors.maps.images import simple
 
 SMALL = "generator:rooms?width=192&height=192"
 NETWORK = ["network.width=16", "network.heads=2", "network.layers=1"]
@@ -55,3 +59,22 @@ def test_validation_of_both_tasks_has_worlds_of_both():
     tasks = [collector.evaluate(index).task for index in range(len(collector.worlds))]
     collector.close()
     assert tasks == ["exploration"] * 2 + ["navigation"]
+
+
+def test_validation_worlds_of_one_name_are_told_apart(tmp_path):
+    for name in "ab":
+        (tmp_path / name).mkdir()
+        simple(tmp_path / name / "1.png")
+    folders = [str(tmp_path / name) for name in "ab"]
+    maps = [f"maps.validation={json.dumps(folders)}", "maps.validation_count=2", "task.max_steps=1"]
+    collector, delivered = collector_of("exploration", role="evaluate", overrides=maps)
+    names = [collector.evaluate(index).map_name for index in (0, 1, 0, 1)]
+    collector.close()
+    assert names == ["1.png", "1.png (2)"] * 2
+    assert [report.map_name for report in delivered] == names
+
+
+@pytest.mark.parametrize(("role", "setting"), [("train", "maps.train"), ("evaluate", "maps.validation")])
+def test_a_run_without_worlds_is_refused(role, setting):
+    with pytest.raises(ConfigError, match=f"set {setting}, or `{setting[5:]}` of a family"):
+        collector_of("exploration", role=role, overrides=[f"{setting}=[]"])

@@ -2,12 +2,23 @@
 
 import logging
 
+import pytest
+
 from common.config import resolve
+from common.errors import ConfigError
 from learner import map_check
 
 
 def run_of(*train: str):
     return resolve({"maps": {"train": list(train)}, "simulator": {"name": "grid"}})
+
+
+def test_a_run_without_worlds_to_train_in_does_not_start():
+    with pytest.raises(ConfigError, match=r"maps\.train=generator:rooms"):
+        map_check.check_maps(run_of())
+    config = resolve({"families": [{"name": "halls", "train": ["generator:hall"]}]})
+    assert not map_check.has_validation(config)
+    assert map_check.has_validation(run_of("generator:rooms"))
 
 
 def test_a_machine_too_slow_for_the_check_starts_unchecked_and_says_so(monkeypatch, caplog):

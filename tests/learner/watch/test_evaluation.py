@@ -30,6 +30,19 @@ def test_unfinished_rounds_are_given_up_and_evaluators_counted_apart():
     assert rounds.add("eval-1", 1, evaluate(5, "a")) is not None
 
 
+def test_a_round_has_no_more_worlds_than_the_evaluator_has(caplog):
+    rounds = EvaluationRounds(worlds=50)
+    drive = [evaluate(version, name, distance=10.0 * version) for version in (5, 6, 7) for name in "abc"]
+    done = [rounds.add("eval-0", 1, report) for report in drive]
+    # Only when a second version has run in the same worlds it is plain that there are no others.
+    assert [each and each.version for each in done] == [None] * 5 + [6] + [None] * 2 + [7]
+    assert done[5].means.count == 3
+    assert "has 3 validation worlds, and maps.validation_count is 50" in caplog.text
+    fresh = EvaluationRounds(worlds=50)
+    for incarnation in (1, 2):  # it crashes at the fourth world, again and again
+        assert not any(fresh.add("eval-0", incarnation, report) for report in drive[:3])
+
+
 def asked(hosts=(), own=(), certified=(), **bus):
     config = small_config(learner={"evaluators": list(hosts)}, bus=bus)
     return Evaluators.of(config, certified, own)
