@@ -15,7 +15,7 @@ from common.cli import CommandApp, Version, command_errors, completing
 from common.errors import ConfigError
 from common.extensions import SIMULATORS
 from common.ids import check_id
-from common.system.addresses import listening_address
+from common.system.addresses import MAX_PORT, listening_address
 from common.system.logs import setup_logging
 
 if TYPE_CHECKING:
@@ -149,6 +149,11 @@ def main(
     if ray_address is not None and launcher is not Launching.RAY:
         raise ConfigError("--ray-address goes with --launcher ray: add that, or leave the address out")
     address = None if metrics is None else listening_address(metrics, "--metrics")
+    if address is not None and address[1] + num - 1 > MAX_PORT:
+        raise ConfigError(
+            f"--metrics {metrics} with --num {num} needs ports up to {address[1] + num - 1}, and {MAX_PORT} is the "
+            "last: begin at a lower one"
+        )
     prefix = _checked_id(name or host_name(), "--name")
     bus = _bus(connect, tls_ca, tls_certificate, tls_key, compress)
     run_name, taken, spec = _find_run(bus, run)
@@ -164,7 +169,7 @@ def main(
         "log_level": None if log_level is None else log_level.value,
         "parent": os.getpid(),
     }
-    names = free_names(prefix + ("-eval" if evaluate else ""), num, taken)
+    names = [_checked_id(each, "--name") for each in free_names(prefix + ("-eval" if evaluate else ""), num, taken)]
     options = [
         ActorOptions.model_validate({**common, "name": each, "metrics": address and (address[0], address[1] + number)})
         for number, each in enumerate(names)

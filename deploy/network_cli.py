@@ -10,6 +10,7 @@ import typer
 
 from common.cli import command_errors, output_console, whole_table
 from common.errors import BusError
+from common.system.steady_time import LONGEST_WAIT
 from deploy.cli_options import ConfigFile, Connect, Overrides, Profile, RobotName, load_options
 
 if TYPE_CHECKING:
@@ -46,7 +47,9 @@ def command(
     who: Annotated[str | None, typer.Option("--who", help="Who releases the emergency stop.", metavar="NAME")] = None,
     why: Annotated[str | None, typer.Option("--why", help="Why it is safe to release it.", metavar="REASON")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the whole status as JSON.")] = False,
-    timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds to wait for the robot.")] = 5.0,
+    timeout: Annotated[
+        float, typer.Option("--timeout", min=0.1, max=LONGEST_WAIT, help="Seconds to wait for the robot.")
+    ] = 5.0,
 ) -> None:
     """Send a command to a running bridge, and print its acknowledgement or its reason to refuse.
 
@@ -103,7 +106,7 @@ def topics(
     profile: Profile = None,
     config: ConfigFile = None,
     overrides: Overrides = None,
-    wait: Annotated[float, typer.Option("--wait", min=0.1, help="Seconds to listen.")] = 1.5,
+    wait: Annotated[float, typer.Option("--wait", min=0.1, max=LONGEST_WAIT, help="Seconds to listen.")] = 1.5,
 ) -> None:
     """List the nodes and topics on the robot's network, and which ones the bridge still needs.
 

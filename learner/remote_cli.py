@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from common.cli import command_errors, output_console
+from common.system.steady_time import LONGEST_WAIT
 
 if TYPE_CHECKING:
     import zenoh
@@ -28,7 +29,9 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", help="Settings of the bus, such as bus.tls_ca=pki/ca.pem.", metavar="BUS.FIELD=VALUE"),
 ]
-Timeout = Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds to wait for the learner.")]
+Timeout = Annotated[
+    float, typer.Option("--timeout", min=0.1, max=LONGEST_WAIT, help="Seconds to wait for the learner.")
+]
 
 CHECKPOINT_TIMEOUT = 65.0
 

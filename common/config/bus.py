@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from common.config.endpoint import BusEndpoint
-from common.config.section import Positive, Section
+from common.config.section import Seconds, Section
+from common.system.steady_time import LONGEST_WAIT
 
 
 class ActorConfig(Section):
@@ -19,7 +21,7 @@ class ActorConfig(Section):
     """Maximum number of unacknowledged messages in flight."""
     buffer_chunks: Annotated[int, Field(ge=1)] = 512
     """Messages buffered while the learner is away; when the buffer is full, the actor pauses and logs it."""
-    weights_timeout: Positive = 10.0
+    weights_timeout: Seconds = 10.0
     """Interval at which an actor asks for new weights if no announcement arrives, seconds."""
 
 
@@ -30,9 +32,9 @@ class BusConfig(Section):
     """Endpoint on which the learner listens; loopback only by default."""
     connect: tuple[BusEndpoint, ...] = ()
     """Existing Zenoh routers that the learner also joins."""
-    lease: Positive = 2.0
+    lease: Annotated[float, Field(ge=0.1, le=LONGEST_WAIT)] = 2.0
     """Silence after which a process counts as gone, seconds."""
-    ack_timeout: Positive = 3.0
+    ack_timeout: Seconds = 3.0
     """Time after which an unacknowledged message is resent, seconds."""
     shared_memory: bool = False
     """Use Zenoh's shared-memory transport between processes on one machine: faster, but needs more memory."""
@@ -48,6 +50,13 @@ class BusConfig(Section):
     tls_access: str | None = None
     """The learner's access rules (JSON): which certificate may read and write which keys. `hd-learner certificates`
     writes them; without them, every certificate of the authority may do everything."""
+
+    @field_validator("listen")
+    @classmethod
+    def _others_can_be_told(cls, value: str) -> str:
+        if re.search(r":0+(?=[?#]|$)", value):
+            raise ValueError("port 0 is any that is free, and no actor could be told which: name one, such as 7447")
+        return value
 
     @model_validator(mode="after")
     def _tls_is_complete(self) -> BusConfig:

@@ -6,10 +6,14 @@ from typing import Annotated, Any, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
+from common.system.steady_time import LONGEST_WAIT
+
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 Positive = Annotated[float, Field(gt=0.0)]
 # Metres: more than any world has, and little enough to be counted in cells.
 Length = Annotated[float, Field(gt=0.0, le=1e6)]
+
+Seconds = Annotated[float, Field(gt=0.0, le=LONGEST_WAIT)]
 
 
 class Section(BaseModel):

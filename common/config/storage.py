@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from common.config.section import Positive, Section
+from common.config.section import Seconds, Section
 
 
 class ReplayConfig(Section):
@@ -23,7 +23,7 @@ class ReplayConfig(Section):
 class CheckpointConfig(Section):
     """Checkpoints."""
 
-    every_seconds: Positive = 300.0
+    every_seconds: Seconds = 300.0
     """Interval between checkpoints, seconds."""
     keep: Annotated[int, Field(ge=2)] = 3
     """Newest checkpoints to keep in addition to the best one; at least two, in case one is damaged."""

@@ -8,6 +8,7 @@ from typing import Final
 from common.errors import ConfigError
 
 LOOPBACK: Final = "127.0.0.1"
+MAX_PORT: Final = 65535
 
 
 def listening_address(text: str, option: str) -> tuple[str, int]:
@@ -21,6 +22,6 @@ def listening_address(text: str, option: str) -> tuple[str, int]:
         ConfigError: for anything else.
     """
     found = re.fullmatch(r"(?:(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9.-]+):)?([0-9]{1,5})", text.strip())
-    if found is None or int(found[2]) > 65535:
+    if found is None or int(found[2]) > MAX_PORT:
         raise ConfigError(f"{option} must be PORT or HOST:PORT, such as 8080 or 192.168.1.5:8080, got {text!r}")
     return (found[1] or LOOPBACK).strip("[]"), int(found[2])

@@ -1,9 +1,12 @@
-"""The time of day that does not jump: for figures over time, and for the order of what is kept."""
+"""The time of day that does not jump: for figures over time, and for the order of what is kept; the longest wait."""
 
 from __future__ import annotations
 
 import time
 from typing import Final
+
+LONGEST_WAIT: Final = 1e6
+"""Seconds, eleven days: longer than anybody waits for anything, and little enough for every timer."""
 
 _BEGAN: Final = time.time_ns() - time.monotonic_ns()
 

@@ -38,7 +38,13 @@ class _Column(Generic[T]):
         kind = np.dtype(dtype)
         self.row_bytes = kind.itemsize * width
         # Private: pages of a shared mapping would stay in memory after they are given back.
-        self._map = mmap.mmap(-1, max(rows * self.row_bytes, mmap.PAGESIZE), flags=mmap.MAP_PRIVATE)
+        size = max(rows * self.row_bytes, mmap.PAGESIZE)
+        try:
+            self._map = mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE)
+        except (OSError, OverflowError) as error:
+            raise ConfigError(
+                f"this machine has no {size:,} bytes of memory for a part of the replay buffer: lower replay.max_bytes"
+            ) from error
         flat: NDArray[T] = np.frombuffer(self._map, dtype=kind, count=rows * width)
         self.array: NDArray[T] = flat if width == 1 else flat.reshape(rows, width)
 

@@ -16,6 +16,8 @@ from tests.actors.learner_end import LearnerEnd, free_port
         (["--gui", "--launcher", "ray"], "--launcher local"),
         (["--ray-address", "10.0.0.5:6379"], "--launcher ray"),
         (["--name", "Not a name"], "lower-case"),
+        (["--name", 64 * "a", "--run", "r"], "lower-case"),
+        (["--metrics", "65535", "--num", "3"], "ports up to 65537"),
         (["--tls-ca", "ca.pem"], "all three"),
         (["--connect", "nowhere"], "tcp/HOST:PORT"),
         (["--connect", f"tcp/127.0.0.1:{free_port()}"], "hd-learner start"),

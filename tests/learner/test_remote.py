@@ -3,6 +3,7 @@
 import dataclasses
 import json
 
+import pytest
 from typer.testing import CliRunner
 
 from common.bus.control import ControlServer
@@ -10,6 +11,13 @@ from common.bus.session import open_learner_session
 from learner.cli import app
 from tests.common.bus.processes import loopback
 from tests.learner.watch.test_view import ACTOR, STATUS
+
+
+@pytest.mark.parametrize("seconds", ["inf", "1e30", "nan", "0"])
+def test_a_timeout_is_one(seconds):
+    done = CliRunner().invoke(app, ["status", "--timeout", seconds])
+    assert done.exit_code == 2
+    assert "Invalid value for '--timeout'" in done.output
 
 
 def test_the_status_of_three_thousand_actors_can_be_read():

@@ -152,3 +152,19 @@ def test_every_setting_is_documented():
     for path, field in all_fields():
         assert field.description, path
         assert f"`{path}`" in reference
+
+
+@pytest.mark.parametrize(
+    "override",
+    ["bus.ack_timeout=1e300", "bus.lease=1e-9", "actor.weights_timeout=1e12", "checkpoints.every_seconds=1e300"],
+)
+def test_no_wait_is_longer_than_a_timer_can_count(override):
+    with pytest.raises(ConfigError, match=override.partition("=")[0]):
+        load_config(overrides=[override])
+
+
+def test_actors_can_be_told_where_the_learner_listens():
+    for endpoint in ("tcp/127.0.0.1:0", "tcp/[::1]:00?rel=1#iface=lo"):
+        with pytest.raises(ConfigError, match="port 0"):
+            load_config(overrides=[f"bus.listen={endpoint}"])
+    assert load_config(overrides=["bus.listen=tcp/[::1]:7440?rel=0"]).bus.listen == "tcp/[::1]:7440?rel=0"
