@@ -246,9 +246,10 @@ def _find_run(bus: BusConfig, run: str | None) -> tuple[str, frozenset[str], Spe
         runs = {spec.run: spec for spec in list_runs(session)}
         if run is None:
             if not runs:
+                others = "" if bus.tls_ca is None else " (one whose certificate is of another authority never answers)"
                 raise ConfigError(
-                    f"no learner answers at {', '.join(bus.connect)}: start one with 'hd-learner start', give its "
-                    "endpoint with --connect, or name the run with --run to wait for its learner"
+                    f"no learner answers at {', '.join(bus.connect)}{others}: start one with 'hd-learner start', give "
+                    "its endpoint with --connect, or name the run with --run to wait for its learner"
                 )
             if len(runs) > 1:
                 raise ConfigError(f"there are several runs, choose one with --run: {', '.join(sorted(runs))}")

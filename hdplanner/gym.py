@@ -97,6 +97,8 @@ class PlanningEnv(gymnasium.Env[Arrays, NDArray[np.int64]]):
         self.config = config or load_config(overrides=["simulator.name=grid", *settings])
         self.render_mode = render_mode
         self._invalid_cost = invalid_cost
+        if max_viewpoints < 1 or (max_edges is not None and max_edges < 1):
+            raise ConfigError(f"room is for at least one viewpoint and edge, got {max_viewpoints} and {max_edges}")
         self._nodes = max_viewpoints + 1
         self._edges = 12 * max_viewpoints if max_edges is None else max_edges
         self._simulator = make_simulator(self.config.simulator, self.config.mapping.sensor_range)
@@ -121,10 +123,11 @@ class PlanningEnv(gymnasium.Env[Arrays, NDArray[np.int64]]):
             options: ``{"world": 3}`` begins in world number 3 of the first family's sources.
 
         Raises:
+            ConfigError: an option is unknown, or its value is no number of a world.
             HDError: no world of the source can be used, or the graph has more viewpoints or edges than there is room.
         """
         super().reset(seed=seed)
-        number = (options or {}).get("world")
+        number = _world_number(options or {})
         for _ in range(MAX_BAD_MAPS if number is None else 1):
             try:
                 if self._begin(number):
@@ -144,12 +147,13 @@ class PlanningEnv(gymnasium.Env[Arrays, NDArray[np.int64]]):
             Observation, reward, terminated, truncated, info.
 
         Raises:
+            ConfigError: the action is no pair of whole numbers.
             HDError: the episode has ended or never began, or the graph has outgrown the observation.
         """
         if self._stage is None or self._stage.environment.end is not End.NONE or self._decisions >= self._limit:
             raise HDError("the episode has ended or never began: call reset() first")
         environment = self._stage.environment
-        beacon, waypoint = (int(node) for node in action)
+        beacon, waypoint = _pair(action)
         self._decisions += 1
         valid = beacon in self._observation.beacon_nodes() and waypoint in self._observation.waypoint_nodes()
         reward = -self._invalid_cost
@@ -204,6 +208,24 @@ class PlanningEnv(gymnasium.Env[Arrays, NDArray[np.int64]]):
             "reason": environment.reason,
         }
         return observation, info
+
+
+def _world_number(options: dict[str, Any]) -> int | None:
+    """Return the world that the options of a reset name, None where they name none."""
+    number = options.get("world")
+    whole = isinstance(number, (int, np.integer)) and not isinstance(number, bool) and number >= 0
+    if options.keys() - {"world"} or not (number is None or whole):
+        raise ConfigError(f"options: expected {{'world': NUMBER}} with a whole number from 0, got {options}")
+    return None if number is None else int(number)
+
+
+def _pair(action: Any) -> tuple[int, int]:
+    """Return the two node numbers of an action."""
+    nodes = np.asarray(action)
+    pair = nodes.shape == (2,) and np.issubdtype(nodes.dtype, np.number)
+    if not pair or not all(float(node).is_integer() for node in nodes.real):
+        raise ConfigError(f"an action is (beacon, waypoint), two whole numbers of nodes, got {action!r}")
+    return int(nodes[0]), int(nodes[1])
 
 
 def padded(observation: Observation, spacing: float, nodes: int, edges: int) -> Arrays:

@@ -6,6 +6,7 @@ import datetime
 import tempfile
 import time
 from pathlib import Path
+from unittest.mock import patch
 
 import trustme
 
@@ -142,7 +143,8 @@ def _strangers(learner: Learner, pki: Path, other: Path, late: Path, knocks: int
     let_in = []
     for _ in range(knocks):
         for kind, bus in strangers.items():
-            with open_client_session(bus) as session:
+            # A stranger does not look at its own certificate first, as every process of ours does.
+            with patch("common.bus.tls.check_certificate"), open_client_session(bus) as session:
                 if ask(session, f"hd/{RUN}/experience/lab-0", 1.0, forged):
                     let_in.append(kind)
                 if kind != "of another host" and _hears(session):

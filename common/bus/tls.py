@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Protocol
 
+from common.bus.certificates import check_certificate
 from common.errors import BusError
 from common.system.documents import DocumentError, read_json
 
@@ -37,12 +38,13 @@ def tls_settings(config: HasTls) -> dict[str, Any]:
     """Return Zenoh's settings of mutual TLS with the files of a configuration.
 
     Raises:
-        BusError: a file is not named, or not there.
+        BusError: a file is not named, not there, or not what it should be; see `check_certificate`.
     """
     files = {"tls_ca": config.tls_ca, "tls_certificate": config.tls_certificate, "tls_key": config.tls_key}
     for name, path in files.items():
         if path is None or not Path(path).is_file():
             raise BusError(f"{name}: no file {path!r}; make it with 'hd-learner certificates' or correct the path")
+    check_certificate(str(config.tls_ca), str(config.tls_certificate), str(config.tls_key))
     # A router both listens and connects; a peer's listening half is never used.
     return {
         "root_ca_certificate": config.tls_ca,

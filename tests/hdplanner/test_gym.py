@@ -132,3 +132,16 @@ def test_mistakes_are_named(env):
         PlanningEnv(SMALL, max_viewpoints=4).reset(seed=1)
     with pytest.raises(HDError, match="call reset"):
         PlanningEnv(SMALL).step(np.array([0, 0]))
+
+
+def test_what_is_no_action_or_world_is_told(env):
+    for options in ({"world": -1}, {"world": "a"}, {"world": 1.5}, {"world": True}, {"wrld": 1}):
+        with pytest.raises(ConfigError, match="'world': NUMBER"):
+            env.reset(options=options)
+    env.reset(options={"world": np.int64(1)})
+    for action in (None, 3, [1, 2, 3], [np.nan, 1.0], [0.4, 1.0], ["a", "b"]):
+        with pytest.raises(ConfigError, match="two whole numbers of nodes"):
+            env.step(action)
+    assert env.step(np.array([-1.0, 0.0]))[4]["invalid_action"]
+    with pytest.raises(ConfigError, match="at least one"):
+        PlanningEnv(SMALL, max_viewpoints=-5)
