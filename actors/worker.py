@@ -8,7 +8,7 @@ import os
 import platform
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import zenoh
 
@@ -45,6 +45,7 @@ class _Parts:
     Attributes:
         learner: incarnation of the learner whose specification this is.
         weights: version in use.
+        left_out: numbers of the validation worlds that cannot be used.
     """
 
     collector: Collector
@@ -52,6 +53,7 @@ class _Parts:
     puller: WeightsPuller
     learner: int
     weights: Weights | None = None
+    left_out: set[int] = field(default_factory=set)
 
 
 class Worker:
@@ -223,7 +225,9 @@ class Worker:
             try:
                 report = parts.collector.evaluate(index, lambda: not self._stop.is_set())
             except MapError as error:
-                log.warning("left out a validation world: %s", error)
+                # The same in every round.
+                log.log(logging.DEBUG if index in parts.left_out else logging.WARNING, "left out a world: %s", error)
+                parts.left_out.add(index)
                 continue
             if report is None:
                 return

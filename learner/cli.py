@@ -161,7 +161,7 @@ def resume(
     """
     restart_prepared()
     from common.config import RunConfig, load_config
-    from learner.run.folder import check_run
+    from learner.run.folder import check_run, read_config
 
     name = run or RunConfig().name
     if source is not None:
@@ -170,6 +170,12 @@ def resume(
         fetch_run(source, runs, name)
     check_run(runs / name, to_continue=True)
     resolved = load_config(runs / name / "config.json", _all_overrides(overrides, None, listen, sim), os.environ)
+    if (held := read_config(runs / name).name) != name:
+        raise ConfigError(
+            f"the folder {runs / name} holds the run {held!r}, which is its name on the bus, too: rename the folder to "
+            f"{held}; a copy cannot become another run, which begins with `hd-learner start --set "
+            "learner.initial_policy=FILE`"
+        )
     if resolved.name != name:
         raise ConfigError(f"run {name!r} cannot be renamed to {resolved.name!r}: leave HD_NAME and --set name out")
     options = RunOptions(

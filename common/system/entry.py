@@ -23,6 +23,9 @@ def ended_by_signals() -> Iterator[None]:
 
     A terminal that is closed (SIGHUP) ends what runs in it like SIGTERM, with status 129.
 
+    Standard streams that were closed (``2>&-``, some service managers) lead nowhere: otherwise the first file that is
+    opened takes the number of one, and what is meant for a terminal goes into it.
+
     Matrix products of numpy take one thread in a command, and in what it starts, unless its user says otherwise.
 
     Usage::
@@ -32,6 +35,7 @@ def ended_by_signals() -> Iterator[None]:
 
             app()
     """
+    _open_closed_streams()
     for number in (signal.SIGTERM, *hangup_signals()):
         signal.signal(number, _terminate)
     # Read when numpy is loaded. Products here are small (`common.system.blas`); the learner's are torch's.
@@ -41,6 +45,17 @@ def ended_by_signals() -> Iterator[None]:
     except KeyboardInterrupt:
         sys.stderr.write("interrupted\n")
         raise SystemExit(128 + signal.SIGINT) from None
+
+
+def _open_closed_streams() -> None:
+    """Let the standard streams that are closed lead nowhere, for children too."""
+    for descriptor, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # the lowest number that is free
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(descriptor, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:

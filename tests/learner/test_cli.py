@@ -3,8 +3,10 @@ import json
 import pytest
 from typer.testing import CliRunner
 
+from common.config import RunConfig
 from common.config.load import load_config
 from learner.cli import app
+from learner.run.folder import RunFolder
 
 COMMANDS = [
     "start", "resume", "status", "stop", "checkpoint", "export", "config", "certificates", "pause", "unpause",
@@ -69,3 +71,12 @@ def test_certificates_are_listed_as_they_are_made(tmp_path):
     names = json.loads((tmp_path / "pki" / "names.json").read_text())
     assert names["actors"] == ["desk"] and names["robots"] == ["jackal"]
     assert "desk.pem" in result.output
+
+
+def test_a_folder_that_was_renamed_names_its_run(tmp_path, monkeypatch):
+    monkeypatch.setenv("HD_PROCESS_PREPARED", "1")
+    RunFolder.create(tmp_path, RunConfig(name="office")).close()
+    (tmp_path / "office").rename(tmp_path / "copy")
+    result = run("resume", "--run", "copy", "--runs", str(tmp_path))
+    assert result.exit_code == 1
+    assert "holds the run 'office'" in " ".join(result.output.split())

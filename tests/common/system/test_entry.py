@@ -75,3 +75,24 @@ def test_products_of_a_command_take_one_thread_unless_its_user_says_otherwise(ch
     environment |= {} if chosen is None else {"OPENBLAS_NUM_THREADS": chosen}
     told = subprocess.run([sys.executable, "-c", THREADS], capture_output=True, text=True, check=True, env=environment)
     assert told.stdout == f"{threads}\n"
+
+
+CLOSED = """
+import os, subprocess, sys
+from common.system.entry import ended_by_signals
+with ended_by_signals():
+    for stream in (sys.stdout, sys.stderr):
+        print("to nobody", file=stream, flush=True)
+    with open(sys.argv[1], "w") as file:
+        os.write(2, b"terminated")
+        subprocess.run([sys.executable, "-c", "import sys; print(1, file=sys.stderr)"], check=True)
+        file.write("whole")
+"""
+
+
+@pytest.mark.parametrize("closed", ["2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_streams_that_were_closed_lead_nowhere(tmp_path, closed):
+    path = tmp_path / "journal"
+    done = subprocess.run(["sh", "-c", f'exec "$0" -c "$1" "$2" {closed}', sys.executable, CLOSED, str(path)])
+    assert done.returncode == 0
+    assert path.read_text() == "whole"
