@@ -1,8 +1,10 @@
 """A worker in this process against a real learner's end on a real bus."""
 
+import logging
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +12,10 @@ import pytest
 from actors.options import ActorOptions
 from actors.worker import Worker
 from common.config import BusConfig
-from common.errors import ConfigError
+from common.errors import ConfigError, MapError
 from common.messages.experience import Chunk, EpisodeReport
 from tests.actors.learner_end import LearnerEnd, free_port
+from tests.common.messages import samples
 
 
 class Running:
@@ -172,3 +175,25 @@ def test_an_actor_uses_the_modules_that_its_own_user_allows(port, foreign):
         assert reports()[0].task == "foreign-task"
         assert reports()[0].simulator == "foreign_code:Simulator"
     assert foreign.exists()
+
+
+def test_a_validation_world_that_cannot_be_used_is_left_out(caplog):
+    class Evaluator:
+        policy = SimpleNamespace(version=3)
+        worlds = ("sound", "broken", "sound")
+
+        def evaluate(self, index, keep_on):
+            if self.worlds[index] == "broken":
+                raise MapError(f"{index}.png: expected an image")
+            return samples.report()
+
+    worker = Worker(ActorOptions(name="a", run="r", bus=BusConfig()), threading.Event())
+    parts = SimpleNamespace(collector=Evaluator(), left_out=set())
+    with caplog.at_level(logging.INFO):
+        worker._evaluate(parts)
+        worker._evaluate(parts)
+    assert caplog.text.count("left out a world: 1.png") == 1
+    assert caplog.text.count("of 2 worlds complete") == 2
+    parts.collector.worlds = ("broken",)
+    with pytest.raises(MapError, match="no validation world can be used"):
+        worker._evaluate(parts)
