@@ -41,6 +41,18 @@ def test_a_planner(folder):
     assert [result.success for result in results] == [True, True]
 
 
+@pytest.mark.parametrize(
+    "world",
+    [
+        "rooms?width=240&height=192&start_offset=7&seed=3",
+        "office?width=240&height=192&seed=4",
+    ],
+)
+def test_a_planner_of_a_robot_that_stands_beside_its_viewpoint(folder, world):
+    (result,) = evaluate("my_planner:NearestViewpoint", [f"generator:{world}"], count=1)
+    assert result.success
+
+
 def test_a_task(folder):
     (half,) = evaluate("tour", [SMALL], count=1, task="my_tasks:HALF")
     (whole,) = evaluate("tour", [SMALL], count=1)
