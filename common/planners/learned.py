@@ -16,6 +16,7 @@ from common.planners.base import Plan, Planner, Position, Status, TaskName
 from common.planners.depth import Decider
 from common.planners.exploration.greedy import GreedyPlanner
 from common.planners.guard import Guard, deputy, why_never
+from common.planners.navigation.base import short_of_margin
 from common.planners.reference import ReferenceRoute
 from common.planners.suited_mapping import warn_of_other_mapping
 from common.planners.viewpoint_planner import (
@@ -204,6 +205,8 @@ class LearnedPlanner:
             if detour is not None:
                 return detour
         plan = next_leg(mapper, pose, [mapper.robot, waypoint], self._config.viewpoint_spacing)
+        if plan.waypoint is not None and plan.waypoint == mapper.target:
+            plan = short_of_margin(mapper, pose, plan)
         return replace(plan, beacon=self._beacon)
 
     def _end(self, mapper: Mapper, pose: Pose) -> Plan | None:

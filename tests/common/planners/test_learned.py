@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -47,6 +49,14 @@ def test_a_policy_explores_under_the_rules_of_the_protocol(policy):
     explore(bare, WORLD, CONFIG, max_steps=40, rays=360)
     assert bare.name == "hdplanner-bare"
     assert bare.rule_applied == 0
+
+
+def test_a_policy_drives_up_to_a_target_where_the_robot_does_not_fit():
+    config = MappingConfig(resolution=0.5, robot_radius=0.6)
+    room = drawn(["########", "#S....T#", "#......#", "########"])
+    beside_the_wall = dataclasses.replace(room, target=(room.size[0] - 4.3, room.target[1]))
+    assert beside_the_wall.is_free(beside_the_wall.target)
+    assert navigate(make_planner("hdplanner-bare", config), beside_the_wall, config).complete
 
 
 def test_the_rule_against_cycles_ends_them_and_is_named_and_counted(policy):
