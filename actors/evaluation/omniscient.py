@@ -144,9 +144,18 @@ class OmniscientReference:
         if direct <= min(reach, float(totals[best])) and mapper.segment_free(world.start, target):
             return [[target]]
         if not np.isfinite(totals[best]):
-            raise MapError(f"map {world.name!r}: no way over viewpoints leads from the start to the target")
+            raise MapError(
+                f"map {world.name!r}: no way over viewpoints leads from the start to the target for a robot of radius "
+                f"{self._mapping.robot_radius:g} m: move one of the two, or use a smaller mapping.robot_radius"
+            )
         route = graph.legs(graph.route([best]))
-        return route if last_leg[best] == 0.0 else [*route, mapper.way(best, len(graph.graph))]
+        if last_leg[best] == 0.0:
+            return route
+        way = mapper.way(best, len(graph.graph))
+        # A target nearer to a wall than the robot fits: it goes as near as that.
+        before = [graph.position(best), *way][-2]
+        last = way if mapper.segment_free(before, target) else way[:-1]
+        return [*route, last] if last else route
 
     def _covering_tour(self, world: GridMap, graph: RouteGraph, seed: int) -> list[Leg]:
         """Return the shortest tour found that sees enough when it is driven."""

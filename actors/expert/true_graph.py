@@ -84,22 +84,23 @@ class TrueGraph:
         """Map a world as a robot would that knows it.
 
         Args:
-            world: the true map; its cells are the graph's.
-            mapping: spacing and the robot's radius.
+            world: the true map.
+            mapping: cells, spacing and the robot's radius.
 
         Raises:
             MapError: the robot does not fit at the start.
         """
         (x, y), (width, height) = world.origin, world.size
         mapper = Mapper(
-            mapping.model_copy(update={"resolution": world.resolution}),
+            mapping,
             lattice_origin=world.lattice_origin,
             bounds=(x, y, x + width, y + height),
             target=world.target,
         )
         # With the wall around it: what lies outside a world counts as occupied, and to a mapper as unknown.
-        cells = np.pad(known_cells(world), 1, constant_values=OCCUPIED)
-        mapper.belief.assign(cells, (x - world.resolution, y - world.resolution))
+        resolution = mapping.resolution
+        cells = np.pad(known_cells(world, resolution), 1, constant_values=OCCUPIED)
+        mapper.belief.assign(cells, (x - resolution, y - resolution))
         mapper.update(Pose(*world.start))
         if mapper.stuck:
             raise MapError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import ceil
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +16,35 @@ from common.mapping.pieces import Cells
 from common.mapping.sight import FREE, NOTHING_LOST, OCCUPIED
 from common.mapping.standing import MARGIN_REACH, nearest_clear
 
+# Cells of other sides meet at borders that are equal up to rounding, in cells.
+_ROUNDING: Final = 1e-6
 
-def known_cells(world: GridMap) -> NDArray[np.int8]:
-    """Return the cells of a belief in which all of a world is known, int8, shape of ``world.free``."""
-    return np.where(world.free, np.int8(FREE), np.int8(OCCUPIED))
+
+def known_cells(world: GridMap, resolution: float | None = None) -> NDArray[np.int8]:
+    """Return the cells of a belief in which all of a world is known, int8, row 0 at the bottom.
+
+    Args:
+        world: the true map.
+        resolution: side of the belief's cells, metres, counted from the world's origin; that of the world when not
+            given, and then the shape is that of ``world.free``. A cell of another side is free where all of it is: the
+            robot's beams end on the faces of walls, and so mark the cells that walls reach into.
+    """
+    free = world.free
+    if resolution is not None and resolution != world.resolution:
+        free = _all_free(_all_free(free, world.resolution / resolution, 0), world.resolution / resolution, 1)
+    return np.where(free, np.int8(FREE), np.int8(OCCUPIED))
+
+
+def _all_free(free: NDArray[np.bool_], side: float, axis: int) -> NDArray[np.bool_]:
+    """Return along one axis which cells of side 1 reach over nothing but free ones of another side."""
+    count = free.shape[axis]
+    borders = np.arange(ceil(count * side - _ROUNDING) + 1) / side
+    first = np.floor(borders[:-1] + _ROUNDING).astype(np.int64)
+    behind = np.ceil(borders[1:] - _ROUNDING).astype(np.int64)
+    sums = np.insert(np.cumsum(free, axis=axis, dtype=np.int32), 0, 0, axis=axis)
+    # A last cell that reaches out of the world misses some, so it is not free.
+    found = np.take(sums, np.minimum(behind, count), axis) - np.take(sums, first, axis)
+    return np.asarray(found == np.expand_dims(behind - first, 1 - axis), dtype=np.bool_)
 
 
 def clear_space(world: GridMap, radius: float) -> tuple[NDArray[np.bool_], tuple[int, int]]:

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -90,6 +91,24 @@ def test_a_target_without_a_way_is_an_error():
     sealed = draw("############", "#S....#..T.#", "#.....#....#", "############", lattice=(1.5, 1.5))
     with pytest.raises(MapError, match="no way"):
         drive(sealed, name="navigation")
+
+
+@pytest.mark.parametrize("task", ["exploration", "navigation"])
+@pytest.mark.parametrize("resolution", [0.1, 0.3])
+def test_cells_of_the_belief_may_be_others_than_those_of_the_map(task, resolution):
+    # Cells of 0.3 m and 0.1 m whose borders lie elsewhere than the walls'.
+    mapping = MappingConfig(resolution=resolution, sensor_range=8.0, viewpoint_spacing=2.0, robot_radius=0.25)
+    outcome = drive(replace(PLAN, resolution=0.27, target=(15.6, 1.6)), mapping=mapping, name=task)
+    assert outcome.success, outcome.reason
+
+
+def test_a_target_where_the_robot_does_not_fit_is_approached():
+    mapping = MappingConfig(resolution=0.5, sensor_range=8.0, viewpoint_spacing=2.0, robot_radius=1.0)
+    room = draw("##########", *["#........#"] * 4, "#.S......#", "#.......T#", "##########", lattice=(0.5, 0.5))
+    outcome = drive(room, mapping=mapping, name="navigation", arrival_radius=0.1)
+    assert not outcome.success
+    assert "route on the known map has ended" in outcome.reason
+    assert outcome.distance > 4.0
 
 
 def test_one_room_needs_no_route():

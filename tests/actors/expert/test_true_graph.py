@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from actors.expert.true_graph import TrueGraph
+from actors.maps.clear_space import known_cells
 from actors.maps.grid_map import GridMap
 from actors.tasks.coverage import Coverage
 from common.config import MappingConfig
@@ -24,8 +25,8 @@ DOOR = draw(
 )
 
 
-def mapping(spacing, radius=0.0):
-    return MappingConfig(resolution=0.5, viewpoint_spacing=spacing, robot_radius=radius)
+def mapping(spacing, radius=0.0, resolution=0.5):
+    return MappingConfig(resolution=resolution, viewpoint_spacing=spacing, robot_radius=radius)
 
 
 def edges(graph):
@@ -66,7 +67,7 @@ def test_edges_are_symmetric_and_walls_cut_them():
 
 
 def test_a_way_round_a_corner_counts_with_its_length():
-    graph = TrueGraph.build(DOOR, mapping(4.0))
+    graph = TrueGraph.build(DOOR, mapping(4.0, resolution=0.25))
     for (a, b), length in edges(graph).items():
         corners = np.array([graph.positions[a], *graph.mapper.way(a, b)])
         assert length == pytest.approx(np.hypot(*np.diff(corners, axis=0).T).sum(), abs=1e-4)
@@ -77,8 +78,8 @@ def test_a_way_round_a_corner_counts_with_its_length():
 
 def test_a_door_parts_the_graph_of_a_robot_that_is_too_wide():
     beyond = np.array([[8.5, 2.5]])
-    assert TrueGraph.build(DOOR, mapping(4.0, 0.35)).match(beyond)[0] >= 0
-    assert TrueGraph.build(DOOR, mapping(4.0, 0.6)).match(beyond)[0] == -1
+    assert TrueGraph.build(DOOR, mapping(4.0, 0.35, resolution=0.25)).match(beyond)[0] >= 0
+    assert TrueGraph.build(DOOR, mapping(4.0, 0.6, resolution=0.25)).match(beyond)[0] == -1
     with pytest.raises(MapError, match="robot_radius"):
         TrueGraph.build(replace(DOOR, start=(1.1, 4.9)), mapping(4.0, 2.5))
 
@@ -101,9 +102,9 @@ def test_the_graph_stands_for_every_cell_that_counts_as_reachable(seed, radius, 
         counted = Coverage(world, radius).unseen_cells
     except MapError:
         with pytest.raises(MapError):
-            TrueGraph.build(world, mapping(spacing, radius))
+            TrueGraph.build(world, mapping(spacing, radius, resolution=0.25))
         return
-    graph = TrueGraph.build(world, mapping(spacing, radius))
+    graph = TrueGraph.build(world, mapping(spacing, radius, resolution=0.25))
     centres = np.stack([np.tile(np.arange(50) + 0.5, 40), np.repeat(np.arange(40) + 0.5, 50)], axis=1) * 0.25
     nodes, places = graph.match(centres)
     assert np.array_equal(np.flatnonzero(nodes >= 0), counted)
@@ -133,3 +134,19 @@ def test_ways_to_the_target_end_there():
     assert to_target == pytest.approx(expected, abs=1e-3)
     sealed = replace(world, free=world.free & (np.arange(world.free.shape[1]) != 22))
     assert np.isinf(TrueGraph.build(sealed, mapping(4.0, 0.25)).distances_to_target()).all()
+
+
+@pytest.mark.parametrize("resolution", [0.1, 0.2, 0.25, 0.3, 0.5, 0.7, 1.0, 4.0])
+def test_cells_of_another_side_are_free_where_all_of_them_is(resolution):
+    world = replace(DOOR, free=DOOR.free & (np.random.default_rng(0).random(DOOR.free.shape) > 0.05))
+    cells = known_cells(world, resolution)
+    width, height = world.size
+    assert cells.shape == (int(np.ceil(height / resolution - 1e-6)), int(np.ceil(width / resolution - 1e-6)))
+    for row, column in np.ndindex(cells.shape):
+        # Places well inside the cell, and of the world's cells that it reaches over all.
+        across = (np.arange(1, 100) / 100 + column) * resolution
+        up = (np.arange(1, 100) / 100 + row) * resolution
+        inside = (across < width).all() and (up < height).all()
+        columns, rows = (across / 0.25).astype(int), (up / 0.25).astype(int)
+        free = inside and world.free[np.ix_(rows, columns)].all()
+        assert (cells[row, column] == 0) == free
