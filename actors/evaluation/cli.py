@@ -70,7 +70,7 @@ def run(
     label: Label = None,
     copy_to: CopyTo = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Processes; 0 for one per core.")] = 0,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of planners and simulator.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, max=2**63 - 1, help="Seed of planners and simulator.")] = 0,
     time_limit: Annotated[
         float,
         typer.Option("--time-limit", min=0.001, metavar="SECONDS", help="Processor time; a slower decision fails."),

@@ -6,6 +6,8 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from actors.evaluation.results import Results
 from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.suited import suited_config
@@ -68,17 +70,22 @@ def resolve(
     if tell is not None and suited.sentence:
         tell(suited.sentence)
     run = suited.run
-    return EvaluationSettings(
-        maps=tuple(specs),
-        limit=limit,
-        metres_per_pixel=WorldSet(suited.source, limit).metres_per_pixel,
-        task=run.task,
-        mapping=run.mapping,
-        simulator=run.simulator,
-        seed=seed,
-        time_limit=time_limit,
-        policy=None if policy is None else str(expanded(policy).resolve()),
-    )
+    try:
+        return EvaluationSettings(
+            maps=tuple(specs),
+            limit=limit,
+            metres_per_pixel=WorldSet(suited.source, limit).metres_per_pixel,
+            task=run.task,
+            mapping=run.mapping,
+            simulator=run.simulator,
+            seed=seed,
+            time_limit=time_limit,
+            policy=None if policy is None else str(expanded(policy).resolve()),
+        )
+    except ValidationError as error:
+        wrong = error.errors(include_url=False)[0]
+        name, words = ".".join(map(str, wrong["loc"])), wrong["msg"]
+        raise ConfigError(f"{name}: {words[0].lower()}{words[1:]}, got {wrong['input']!r}: correct it") from None
 
 
 def settings_of(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from actors.maps.files import MapFile
 from actors.maps.grid_map import GridMap
-from actors.maps.sources import FileSource, MapSource, MixedSource, fixed_numbers, open_sources
+from actors.maps.sources import FileSource, GeneratorSource, MapSource, MixedSource, fixed_numbers, open_sources
 from common.errors import MapError
 
 # How many worlds an evaluation takes from a source without an end, a generator, when no limit is given.
@@ -48,6 +48,13 @@ class WorldSet:
         self._root: Path | None = None
         if max(Counter(path.name for path in paths).values(), default=1) > 1:
             self._root = Path(os.path.commonpath([path.parent for path in paths]))
+        names = Counter(self.name(number) for number in self.numbers)
+        twice = next((name for name, count in names.items() if count > 1), None)
+        if twice is not None:
+            raise MapError(
+                f"{source.name}: expected different worlds, got {twice!r} more than once: leave one source out, "
+                "or give generators seeds that are further apart"
+            )
 
     def changed_since(self, moment: float, digests: Mapping[int, str]) -> set[Path]:
         """Return files of worlds whose results were kept, for worlds that are others now.
@@ -85,7 +92,7 @@ class WorldSet:
             limit: number of worlds, spread evenly over a folder; None for all of a folder, or 100 of a generator.
 
         Raises:
-            MapError: a source cannot be used, or worlds differ in their scale.
+            MapError: a source cannot be used, worlds differ in their scale, or one is given more than once.
         """
         return cls(open_sources(specs, metres_per_pixel, task), limit)
 
@@ -97,10 +104,10 @@ class WorldSet:
         return self._source.world(number)
 
     def name(self, number: int) -> str:
-        """Return the name of a world; only generated ones have to be made for that."""
+        """Return the name of a world, which need not be loaded for that."""
         file = _file(self._source, number)
         if file is None:
-            return self._source.world(number).name
+            return _generated_name(self._source, number)
         path = file.path.name if self._root is None else file.path.relative_to(self._root).as_posix()
         return path + file.suffix
 
@@ -140,3 +147,11 @@ def _file(source: MapSource, number: int) -> MapFile | None:
         parts = len(source.sources)
         return _file(source.sources[number % parts], number // parts)
     return source.files[number % len(source.files)] if isinstance(source, FileSource) else None
+
+
+def _generated_name(source: MapSource, number: int) -> str:
+    """Return the name of a generated world."""
+    if isinstance(source, MixedSource):
+        parts = len(source.sources)
+        return _generated_name(source.sources[number % parts], number // parts)
+    return source.name_of(number) if isinstance(source, GeneratorSource) else source.world(number).name

@@ -112,6 +112,10 @@ class GeneratorSource:
         """Draw world number ``index`` modulo the number of worlds."""
         return self.generator.world(index % GENERATED_WORLDS, self._metres_per_pixel)
 
+    def name_of(self, index: int) -> str:
+        """Return the name of world number ``index`` modulo the number of worlds, without drawing it."""
+        return self.generator.name_of(index % GENERATED_WORLDS)
+
     def draw(self, rng: np.random.Generator) -> GridMap:
         """Draw a random world."""
         return self.world(int(rng.integers(GENERATED_WORLDS)))

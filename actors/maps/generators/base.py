@@ -78,6 +78,10 @@ class Generator(BaseModel, ABC):
         ]
         return self.kind + (f"[{','.join(given)}]" if given else "")
 
+    def name_of(self, index: int) -> str:
+        """Return the name of world number ``index`` without drawing it."""
+        return f"{self.label}-{self.seed + index}"
+
     def world(self, index: int, metres_per_pixel: float = 0.25) -> GridMap:
         """Draw world number ``index``.
 
@@ -91,7 +95,7 @@ class Generator(BaseModel, ABC):
         seed = self.seed + index
         plan = self.plan(np.random.Generator(np.random.PCG64(seed)))
         start = self._start_beside(plan, seed) if self.start_offset else plan.start
-        return build_map(f"{self.label}-{seed}", plan.free, metres_per_pixel, start, plan.target)
+        return build_map(self.name_of(index), plan.free, metres_per_pixel, start, plan.target)
 
     def _start_beside(self, plan: Plan, seed: int) -> tuple[int, int]:
         """Move the start as far as free space lets it, in the direction where it gets farthest; the seed decides ties.

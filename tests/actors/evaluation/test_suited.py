@@ -26,6 +26,12 @@ def test_settings_of_a_set_hold_unless_somebody_says_otherwise(tmp_path: Path, m
     assert settings.metres_per_pixel == 0.15 and settings.mapping.robot_radius == 0.25
 
 
+@pytest.mark.parametrize(("value", "words"), [({"seed": -1}, "seed: .*equal to 0, got -1"), ({"limit": 0}, "limit: ")])
+def test_a_value_out_of_range_is_an_error_of_one_line(value: dict[str, int], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        resolve(["generator:rooms"], **{"limit": 1, "config": None, "overrides": None, **value})
+
+
 def test_sources_without_a_set_are_as_they_were(tmp_path: Path) -> None:
     simple(tmp_path / "a.png")
     told: list[str] = []

@@ -24,6 +24,15 @@ def test_equal_file_names_are_told_apart_by_their_folders(tmp_path):
         alone.find(["img_7.png"])
 
 
+def test_a_world_that_is_given_twice_is_an_error(tmp_path):
+    """It was found out when all had been driven, and results could not be written."""
+    simple(tmp_path / "a.png")
+    for specs in ([MAPS, MAPS], [MAPS, f"{MAPS}&seed=1"], [str(tmp_path), str(tmp_path / "a.png")]):
+        with pytest.raises(MapError, match="more than once: leave one source out"):
+            WorldSet.open(specs, "exploration", 0.25, 6)
+    assert len(WorldSet.open([MAPS, f"{MAPS}&seed=3"], "exploration", 0.25, 6)) == 6
+
+
 def test_generated_worlds_have_numbers_and_names():
     worlds = WorldSet.open([MAPS], "exploration", 0.25, 3)
     assert len(worlds) == 3
