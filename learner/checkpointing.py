@@ -15,9 +15,9 @@ from common.config import RunConfig
 from common.errors import CheckpointError
 from common.policies.policy_file import PolicyCard
 from learner.algorithm.base import Algorithm
+from learner.curve_recorder import CurveRecorder
 from learner.ingest import Ingest
 from learner.run.checkpoints import EXPORT_PREFIX, Checkpoint, CheckpointStore
-from learner.watch.curve_recorder import CurveRecorder
 
 logger = logging.getLogger(__name__)
 

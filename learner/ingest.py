@@ -21,11 +21,11 @@ from learner.quarantine import Quarantine
 from learner.rate_limiter import RateLimiter
 from learner.replay.buffer import ReplayBuffer
 from learner.run.episodes import EpisodeLog, group_of
+from learner.run.evaluation import EvaluationRounds, Evaluators, Round
 from learner.run.journal import Journal
 from learner.run.records import RecordKind
 from learner.run.repair import missing_deliveries
 from learner.watch.actors import ActorRecords
-from learner.watch.evaluation import EvaluationRounds, Evaluators, Round
 from learner.watch.metrics import Means, RateMeter
 
 logger = logging.getLogger(__name__)

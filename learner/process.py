@@ -37,12 +37,12 @@ from learner.local_actors import LOCAL, LocalActors
 from learner.loop import train
 from learner.page.process import start_page
 from learner.ranks.team import open_learner
+from learner.report import Reporter
 from learner.rivals import Rivals
 from learner.run.folder import RunFolder
 from learner.trainer import Trainer
 from learner.warmup import warm_up
 from learner.watch.prometheus import learner_figures
-from learner.watch.report import Reporter
 from learner.watch.status import LearnerStatus
 from learner.watch.view import View
 

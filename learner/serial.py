@@ -20,9 +20,9 @@ from learner.algorithm.base import Algorithm, PublishedVersion
 from learner.algorithm.device import choose_device
 from learner.algorithm.factory import make_learner
 from learner.loop import train
+from learner.report import Reporter
 from learner.run.folder import RunFolder
 from learner.trainer import Trainer
-from learner.watch.report import Reporter
 from learner.watch.view import View
 
 logger = logging.getLogger(__name__)

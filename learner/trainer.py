@@ -16,6 +16,7 @@ from common.system.paths import expanded
 from learner.algorithm.base import Algorithm, NotFiniteError, Prepare, PublishedVersion
 from learner.algorithm.batch import TransitionBatch
 from learner.checkpointing import Checkpointer
+from learner.curve_recorder import LOG_EVERY, CurveRecorder
 from learner.ingest import Ingest
 from learner.prefetch import Prefetch
 from learner.publishing import Publisher
@@ -27,15 +28,14 @@ from learner.run.cards import PolicyCards
 from learner.run.checkpoints import CheckpointStore
 from learner.run.disk import DiskWatch
 from learner.run.episodes import EpisodeLog
+from learner.run.evaluation import Round, validation_of
+from learner.run.event_file import mend_folder
 from learner.run.files import DAMAGED
 from learner.run.folder import RunFolder, has_begun
 from learner.run.group_commit import GroupCommit
 from learner.run.journal import Journal
 from learner.run.mirror import Mirror
 from learner.run.summary import RunSummary, write_summary
-from learner.watch.curve_recorder import LOG_EVERY, CurveRecorder
-from learner.watch.evaluation import Round, validation_of
-from learner.watch.event_file import mend_folder
 from learner.watch.writers import make_writers
 
 logger = logging.getLogger(__name__)

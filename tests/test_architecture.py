@@ -2,7 +2,10 @@
 
 import ast
 import functools
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("common", "actors", "learner", "deploy", "hdplanner")
@@ -48,6 +51,19 @@ def test_imports_run_one_way():
             assert ONLY_IN.get(top, package) == package, f"{module} imports {name}"
             assert top != "pickle", f"{module} imports pickle"
             assert package != "common" or name != "torch.optim", f"{module} imports an optimiser"
+
+
+def test_rooms_of_a_package_import_one_way():
+    """A room is a folder or a module of a package; two that import each other are one, or want a third below both."""
+    uses: dict[str, set[str]] = {}
+    for module, nodes in trees():
+        package, room = module.parts[0], ".".join(module.with_suffix("").parts[:2])
+        used = {".".join(name.split(".")[:2]) for name in imported(nodes) if name.startswith(f"{package}.")}
+        uses.setdefault(room, set()).update(used - {room})
+    try:
+        TopologicalSorter(uses).prepare()
+    except CycleError as error:
+        pytest.fail(" imports ".join(reversed(error.args[1])))
 
 
 def test_nothing_compares_the_names_of_tasks():

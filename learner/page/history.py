@@ -12,7 +12,7 @@ from tensorboard.compat.proto.event_pb2 import Event, SessionLog
 
 from learner.page.curves import Point
 from learner.run.episodes import read_episodes
-from learner.watch.event_file import PATTERN, read_events
+from learner.run.event_file import PATTERN, read_events
 
 log = logging.getLogger(__name__)
 

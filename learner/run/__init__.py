@@ -1,1 +1,1 @@
-"""What a run leaves on the disk: folder, checkpoints, journal, episodes, exported policies."""
+"""What a run leaves on the disk: folder, checkpoints, journal, episodes, evaluations, curves, exported policies."""

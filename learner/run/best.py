@@ -14,12 +14,37 @@ from numpy.typing import NDArray
 from common.errors import CheckpointError
 from common.policies.policy_file import PolicyCard
 from learner.run.checkpoints import CheckpointStore
-from learner.watch.evaluation import PublishedPolicies, Round, Score
+from learner.run.evaluation import Round, Score
+
+Policy = Mapping[str, NDArray[Any]]
 
 logger = logging.getLogger(__name__)
 
 VALIDATION = "validation"
 """Key of a best policy's document, beside those of its card: what its evaluation depended on."""
+
+
+class PublishedPolicies:
+    """The policies published of late, so that the best version can be saved when its evaluation ends much later.
+
+    Args:
+        keep: newest versions to keep; versions under evaluation stay beyond that.
+    """
+
+    def __init__(self, keep: int = 32) -> None:
+        self._keep = keep
+        self._policies: dict[int, tuple[int, Policy]] = {}
+
+    def add(self, version: int, updates: int, policy: Policy, pinned: set[int]) -> None:
+        """Remember a published policy; forget the oldest beyond the limit that are not ``pinned``."""
+        self._policies[version] = (updates, policy)
+        for old in sorted(self._policies)[: -self._keep]:
+            if old not in pinned:
+                del self._policies[old]
+
+    def get(self, version: int) -> tuple[int, Policy] | None:
+        """Return (updates, weights) of a version, None when it is no longer here."""
+        return self._policies.get(version)
 
 
 class BestPolicy:
@@ -48,7 +73,7 @@ class BestPolicy:
         self._score: Score | None = None
         self._recall()
 
-    def remember(self, version: int, updates: int, weights: Mapping[str, NDArray[Any]], pinned: set[int]) -> None:
+    def remember(self, version: int, updates: int, weights: Policy, pinned: set[int]) -> None:
         """Keep a published policy for the time that its evaluation takes; see `PublishedPolicies.add`."""
         self._published.add(version, updates, weights, pinned)
 

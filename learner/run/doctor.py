@@ -12,11 +12,11 @@ from common.messages.experience import Delivery
 from common.messages.schema import decode
 from learner.run.checkpoints import CheckpointStore
 from learner.run.episodes import damaged_lines, mend_episodes
+from learner.run.event_file import PATTERN, mend_events
 from learner.run.files import DAMAGED
 from learner.run.folder import OLDEST_CONTINUED, check_run, lock_run, read_config
 from learner.run.records import Found, RecordKind, segment_paths
 from learner.run.repair import mend, missing_deliveries, review
-from learner.watch.event_file import PATTERN, mend_events
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,1 +1,1 @@
-"""What people see of a run: status, live view, metrics, evaluation rounds, learning curves."""
+"""What people see of a run: status, live view, metrics, learning curves."""

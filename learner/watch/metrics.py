@@ -14,7 +14,7 @@ from tensorboard.compat.proto.tensor_pb2 import TensorProto
 
 from common.system.closing import Closing
 from learner.run.disk import DiskWatch
-from learner.watch.event_file import EventFile
+from learner.run.event_file import EventFile
 
 
 class RateMeter:

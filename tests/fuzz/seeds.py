@@ -24,8 +24,8 @@ from deploy.ros2 import RELIABLE, message
 from deploy.ros2.clouds import point_cloud
 from deploy.ros2.conversions import occupancy_grid, odometry, path, transform, transform_message
 from deploy.ros2.messages import serialize
+from learner.run.event_file import PATTERN
 from learner.run.records import RecordKind, encode_record
-from learner.watch.event_file import PATTERN
 from learner.watch.metrics import Curves
 from tests.common.messages import samples
 from tests.fuzz.targets import CORPUS, ROS

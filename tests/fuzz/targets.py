@@ -26,9 +26,9 @@ from deploy.ros2.conversions import grid_from, path_from, pose_from, scan_from, 
 from deploy.ros2.errors import RosError
 from deploy.ros2.messages import deserialize
 from learner.run.episodes import damaged_lines, mend_episodes
+from learner.run.event_file import mend_events
 from learner.run.records import segment_name, segment_paths
 from learner.run.repair import mend, review
-from learner.watch.event_file import mend_events
 
 CORPUS = Path(__file__).with_name("corpus")
 MESSAGES = (

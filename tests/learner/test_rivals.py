@@ -10,9 +10,9 @@ from common.bus.session import new_incarnation, open_client_session, open_learne
 from common.config import BusConfig
 from learner.loop import train
 from learner.process import Link
+from learner.report import Reporter
 from learner.rivals import Rivals
 from learner.run.folder import RunFolder
-from learner.watch.report import Reporter
 from tests.common.bus.processes import eventually, loopback
 from tests.learner.runs import episodes, make_trainer, small_config
 

@@ -1,14 +1,14 @@
-"""The best policy: evaluations are compared with those in the same worlds alone."""
+"""The best policy: evaluations are compared with those in the same worlds alone; published policies wait for theirs."""
 
 import numpy as np
 
 from learner.rate_limiter import RateLimiter
-from learner.run.best import BestPolicy
+from learner.run.best import BestPolicy, PublishedPolicies
 from learner.run.cards import PolicyCards
 from learner.run.checkpoints import CheckpointStore
+from learner.run.evaluation import Round, validation_of
 from learner.run.export import export_policy
 from learner.run.folder import RunFolder
-from learner.watch.evaluation import Round, validation_of
 from tests.learner.experience import episode_report
 from tests.learner.runs import small_config
 
@@ -39,3 +39,10 @@ def test_an_evaluation_in_other_worlds_is_not_compared(tmp_path, caplog):
         assert best_policy(run.checkpoints, large).version == 4
         card = export_policy(run.path, "best", tmp_path / "best.safetensors")
         assert card.version == 4 and card.evaluation["distance"] == 300.0
+
+
+def test_policies_under_evaluation_outlive_the_others():
+    policies = PublishedPolicies(keep=2)
+    for version in range(1, 7):
+        policies.add(version, version * 10, {}, pinned={2})
+    assert [version for version in range(1, 7) if policies.get(version)] == [2, 5, 6]

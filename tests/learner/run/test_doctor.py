@@ -7,10 +7,10 @@ from typer.testing import CliRunner
 from common.messages.schema import encode
 from learner.cli import app
 from learner.run.doctor import examine
+from learner.run.event_file import PATTERN
 from learner.run.folder import RunFolder
 from learner.run.journal import Journal
 from learner.run.records import RecordKind, segment_paths
-from learner.watch.event_file import PATTERN
 from tests.learner.runs import episodes, make_trainer, small_config, train_some
 
 

@@ -20,9 +20,9 @@ from tensorboard.compat.proto.event_pb2 import Event
 
 from common.errors import StorageError
 from common.system.closing import Closing
+from learner.run.crc32c import masked_crc32c
 from learner.run.disk import DiskWatch
 from learner.run.files import replace_bytes, set_aside, sync_descriptor, write_all
-from learner.watch.crc32c import masked_crc32c
 
 logger = logging.getLogger(__name__)
 

@@ -4,9 +4,9 @@ import time
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+from learner.run import event_file
+from learner.run.event_file import PATTERN, mend_events
 from learner.run.folder import RunFolder
-from learner.watch import event_file
-from learner.watch.event_file import PATTERN, mend_events
 from learner.watch.metrics import Curves
 from tests.learner.runs import episodes, make_trainer, small_config, train_some
 

@@ -10,7 +10,7 @@ from typing import Any
 from learner.ingest import Ingest
 from learner.run.disk import DiskWatch
 from learner.run.episodes import GROUPS
-from learner.watch.evaluation import Round
+from learner.run.evaluation import Round
 from learner.watch.metrics import Curves, Means, RateMeter
 from learner.watch.writers import Writer
 

@@ -1,4 +1,4 @@
-"""Rounds of evaluation: one policy version on every validation world, and the best version so far."""
+"""Rounds of evaluation: one policy version on every validation world."""
 
 from __future__ import annotations
 
@@ -8,14 +8,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from numpy.typing import NDArray
-
 from common.bus.keys import host_of
 from common.config import RunConfig
 from common.messages.experience import FAILURE, EpisodeReport
 from learner.run.episodes import EpisodeMeans, mean_episode
-
-Policy = Mapping[str, NDArray[Any]]
 
 logger = logging.getLogger(__name__)
 
@@ -238,26 +234,3 @@ class EvaluationRounds:
 
 def _place(report: EpisodeReport) -> str:
     return f"{report.family}/{report.task}/{report.map_name}"
-
-
-class PublishedPolicies:
-    """The policies published of late, so that the best version can be saved when its evaluation ends much later.
-
-    Args:
-        keep: newest versions to keep; versions under evaluation stay beyond that.
-    """
-
-    def __init__(self, keep: int = 32) -> None:
-        self._keep = keep
-        self._policies: dict[int, tuple[int, Policy]] = {}
-
-    def add(self, version: int, updates: int, policy: Policy, pinned: set[int]) -> None:
-        """Remember a published policy; forget the oldest beyond the limit that are not ``pinned``."""
-        self._policies[version] = (updates, policy)
-        for old in sorted(self._policies)[: -self._keep]:
-            if old not in pinned:
-                del self._policies[old]
-
-    def get(self, version: int) -> tuple[int, Policy] | None:
-        """Return (updates, weights) of a version, None when it is no longer here."""
-        return self._policies.get(version)

@@ -2,7 +2,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tensorboard.compat.tensorflow_stub.pywrap_tensorflow import masked_crc32c as of_tensorboard
 
-from learner.watch.crc32c import masked_crc32c
+from learner.run.crc32c import masked_crc32c
 
 
 @given(st.binary(max_size=300))

@@ -1,7 +1,7 @@
 import json
 
 from learner.run.episodes import EpisodeLog
-from learner.watch.evaluation import EvaluationRounds, Evaluators, PublishedPolicies, Round, Score
+from learner.run.evaluation import EvaluationRounds, Evaluators, Round, Score
 from tests.learner.experience import episode_report
 from tests.learner.runs import small_config
 
@@ -117,13 +117,6 @@ def test_worlds_of_one_name_in_two_families_are_two():
     restored = EvaluationRounds(worlds=2)
     restored.restore(json.loads(json.dumps(rounds.state())))
     assert restored.add("eval-0", 1, evaluate(5, "a", family="two")) is not None
-
-
-def test_policies_under_evaluation_outlive_the_others():
-    policies = PublishedPolicies(keep=2)
-    for version in range(1, 7):
-        policies.add(version, version * 10, {}, pinned={2})
-    assert [version for version in range(1, 7) if policies.get(version)] == [2, 5, 6]
 
 
 def test_episodes_are_one_line_each_and_means_are_kept_by_group(tmp_path):
