@@ -169,7 +169,7 @@ def config(
     overrides: Overrides = None,
     describe: Annotated[bool, typer.Option("--describe", help="Explain every parameter instead (Markdown).")] = False,
 ) -> None:
-    """Print the resolved parameters as TOML, which `--config` reads back.
+    """Print the resolved parameters as TOML, which `--config` reads back; those that follow from others as comments.
 
     Examples:
     - `hd-deploy config --profile nav2 > robot.toml`
@@ -182,7 +182,8 @@ def config(
     if describe:
         typer.echo(to_markdown(DeployConfig))
     else:
-        typer.echo(to_toml(load_options(profile, config, overrides)))
+        resolved = load_options(profile, config, overrides)
+        typer.echo(to_toml(resolved, resolved.left_out))
 
 
 @command_errors

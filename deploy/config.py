@@ -17,6 +17,16 @@ from deploy.outline import circumscribed_radius, inscribed_radius
 # Viewpoints of the shipped policies lie a fifth of the sensor's range apart.
 SPACINGS_IN_RANGE: Final = 5.0
 DEFAULT_NAME: Final = "robot"
+# Left out, they are something else than set to their defaults: they follow from other parameters, from TF, or from
+# ROS_DOMAIN_ID.
+_FOLLOWING: Final = (
+    "name",
+    "ros.domain",
+    "mapping.viewpoint_spacing",
+    "mapping.robot_radius",
+    "sensing.sensor_offset",
+    "driving.robot_radius",
+)
 Point = tuple[float, float]
 NonNegative = Annotated[float, Field(ge=0.0)]
 
@@ -299,6 +309,16 @@ class DeployConfig(Section):
         """Whether a name was given, by itself or by the namespace."""
         return "name" in self.model_fields_set or bool(self.ros.namespace.strip("/"))
 
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Parameters, as ``section.field``, that nobody set and whose values follow from something else."""
+
+        def given(path: str) -> bool:
+            section, _, field = path.rpartition(".")
+            return field in (getattr(self, section) if section else self).model_fields_set
+
+        return tuple(path for path in _FOLLOWING if not given(path))
+
     @model_validator(mode="after")
     def _name_follows_the_namespace(self) -> DeployConfig:
         if "name" not in self.model_fields_set:
@@ -314,8 +334,11 @@ class DeployConfig(Section):
             "robot_radius": driving.reach + driving.clearance,
         }
         missing = {name: value for name, value in follows.items() if name not in mapping.model_fields_set}
-        # Filled in here, and nowhere else, because it follows from two sections.
-        object.__setattr__(self, "mapping", mapping.model_copy(update=missing))
+        # Filled in here, and nowhere else, because it follows from two sections; not as set, see `left_out`.
+        filled = mapping.model_copy()
+        for name, value in missing.items():
+            object.__setattr__(filled, name, value)
+        object.__setattr__(self, "mapping", filled)
         if driving.enabled and self.mapping.robot_radius < driving.robot_radius:
             raise ValueError(
                 f"mapping.robot_radius ({self.mapping.robot_radius} m) must not be below driving.robot_radius "

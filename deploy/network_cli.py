@@ -119,6 +119,12 @@ def topics(
     graph = watch(guest_of(resolved.ros), wait)
     console = output_console()
     if not graph.nodes and not graph.endpoints:
+        if graph.elsewhere:
+            raise BusError(
+                f"no ROS 2 node found in domain {resolved.ros.domain}, but in {', '.join(map(str, graph.elsewhere))}: "
+                f"set ros.domain={graph.elsewhere[0]}, because ROS_DOMAIN_ID is not read here, or give the nodes the "
+                "same domain"
+            )
         raise BusError(
             f"no ROS 2 node found at {', '.join(guest_of(resolved.ros).connect)}: check the endpoint, ros.domain "
             f"({resolved.ros.domain}) and that the robot's RMW is rmw_zenoh, or a zenoh-bridge-ros2dds runs"

@@ -19,7 +19,7 @@ class RosConfig(Section):
     distro: Literal["humble", "jazzy", "kilted"] = "jazzy"
     """ROS 2 distribution whose message definitions are used."""
     domain: Annotated[int, Field(ge=0, le=232)] = 0
-    """ROS_DOMAIN_ID."""
+    """ROS_DOMAIN_ID of the robot's nodes. From the environment, only `hd-deploy relay` takes it, for its DDS side."""
     namespace: str = ""
     """Prefix of every relative topic name, such as `robot1`."""
     node: str = "hd_bridge"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+from collections.abc import Collection
 from types import NoneType, UnionType
 from typing import Annotated, Any, Final, Literal, Union, get_args, get_origin
 
@@ -35,14 +36,21 @@ configuration over the bus.
 """
 
 
-def to_toml(config: BaseModel) -> str:
-    """Write a resolved configuration as TOML that `ConfigTree.load` reads back to the same one."""
-    lines: list[str] = []
-    plain = {name: value for name, value in _items(config) if not isinstance(value, BaseModel)}
-    lines += [_toml_line(name, value) for name, value in plain.items()]
+def to_toml(config: BaseModel, left_out: Collection[str] = ()) -> str:
+    """Write a resolved configuration as TOML that `ConfigTree.load` reads back to the same one.
+
+    Args:
+        config: resolved configuration.
+        left_out: settings, as ``section.field``, that are written as comments, because their values follow from others.
+    """
+
+    def line(path: str, value: Any) -> str:
+        return ("# " if path in left_out else "") + _toml_line(path.rpartition(".")[2], value)
+
+    lines = [line(name, value) for name, value in _items(config) if not isinstance(value, BaseModel)]
     for name, value in _items(config):
         if isinstance(value, BaseModel):
-            lines += ["", f"[{name}]", *(_toml_line(key, item) for key, item in _items(value))]
+            lines += ["", f"[{name}]", *(line(f"{name}.{key}", item) for key, item in _items(value))]
     return "\n".join(lines) + "\n"
 
 

@@ -49,6 +49,7 @@ A robot has one typed tree of parameters. Each source overrides the ones before 
 5. the command line: `--set decision.planner=tare`, repeatable.
 
 `hd-deploy config` takes the same options and prints the resolved tree as TOML, which `--config` accepts.
+What nobody set and follows from other parameters, from TF or from the environment is in it as a comment.
 An unknown parameter or a value out of range is an error that names the parameter, the source of the value and what
 was expected. In a file, `"null"` unsets a parameter.
 """

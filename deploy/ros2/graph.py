@@ -59,10 +59,12 @@ class Graph:
     Attributes:
         nodes: in order of their names.
         endpoints: publishers and subscriptions, in order of their topics.
+        elsewhere: other domains that have nodes, in ascending order.
     """
 
     nodes: list[SeenNode] = field(default_factory=list)
     endpoints: list[SeenEndpoint] = field(default_factory=list)
+    elsewhere: list[int] = field(default_factory=list)
 
     def topics(self) -> dict[str, list[SeenEndpoint]]:
         """Return the endpoints of each topic."""
@@ -96,15 +98,25 @@ def read_graph(session: zenoh.Session, domain: int, timeout: float = 1.0) -> Gra
 
     Args:
         session: connected already.
-        domain: ROS_DOMAIN_ID whose nodes are listed; bridges are listed whatever their domain.
+        domain: ROS_DOMAIN_ID whose nodes are listed; of the others only that there are some. Bridges are listed
+            whatever their domain.
         timeout: how long to wait for answers, seconds.
     """
     tokens: list[str] = []
-    for selector in (RMW_SELECTOR.format(domain=domain), BRIDGE_SELECTOR):
+    domains: set[int] = set()
+    for selector in (RMW_SELECTOR.format(domain="*"), BRIDGE_SELECTOR):
         for reply in session.liveliness().get(selector, timeout=timeout):
-            if reply.ok is not None:
-                tokens.append(str(reply.ok.key_expr))
-    return graph_from(tokens)
+            if reply.ok is None:
+                continue
+            token = str(reply.ok.key_expr)
+            found = _domain(token)
+            if found is None or found == domain:
+                tokens.append(token)
+            else:
+                domains.add(found)
+    graph = graph_from(tokens)
+    graph.elsewhere = sorted(domains)
+    return graph
 
 
 def watch(config: RosConfig, wait: float = 1.0) -> Graph:
@@ -134,6 +146,13 @@ def graph_from(tokens: Iterable[str]) -> Graph:
     graph.nodes.sort(key=lambda node: (node.name, node.zid))
     graph.endpoints.sort(key=lambda endpoint: (endpoint.topic, endpoint.role, endpoint.node))
     return graph
+
+
+def _domain(token: str) -> int | None:
+    """Return the domain of a token of rmw_zenoh; None for others."""
+    prefix, _, rest = token.partition("/")
+    number = rest.partition("/")[0]
+    return int(number) if prefix == "@ros2_lv" and number.isascii() and number.isdecimal() else None
 
 
 def _parse_rmw(parts: list[str]) -> SeenNode | SeenEndpoint | None:

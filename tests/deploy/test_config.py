@@ -41,6 +41,23 @@ def test_every_profile_is_valid_and_reads_back(name, tmp_path):
     assert DEPLOY.resolve(json.loads(config.model_dump_json())) == config
 
 
+def test_what_follows_from_others_does_so_in_a_printed_file_too(tmp_path):
+    printed = load_deploy_config()
+    file = tmp_path / "robot.toml"
+    file.write_text(to_toml(printed, printed.left_out))
+    config = load_deploy_config(file)
+    assert config == printed
+    # Set to their defaults they would mean something else: TF and ROS_DOMAIN_ID would no longer count.
+    assert "sensor_offset" not in config.sensing.model_fields_set
+    assert "domain" not in config.ros.model_fields_set
+    text = file.read_text().replace("# robot_radius = 0.25", "robot_radius = 0.4")
+    text = text.replace("sensor_range = 20.0", "sensor_range = 10.0")
+    file.write_text(text.replace('namespace = ""', 'namespace = "a"'))
+    config = load_deploy_config(file)
+    assert (config.name, config.driving.robot_radius, config.mapping.robot_radius) == ("a", 0.4, pytest.approx(0.45))
+    assert config.mapping.viewpoint_spacing == pytest.approx(2.0)
+
+
 def test_setting_one_parameter_of_the_map_leaves_the_others():
     config = load_deploy_config(overrides=["mapping.beacon_range=6"])  # the profile `bare`
     assert (config.mapping.resolution, config.mapping.viewpoint_spacing) == (0.1, 4.0)

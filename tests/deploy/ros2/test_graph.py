@@ -38,7 +38,8 @@ def test_onlookers_see_nodes_and_topics(endpoint):
         assert [(one.role, one.node) for one in maps] == [("publisher", "/robot1/slam"), ("subscription", "/bridge")]
         assert {one.qos for one in maps} == {LATCHED}
         assert {one.kind for one in maps} == {GRID}
-        assert watch(ros(endpoint, domain=9), 0.3).nodes == []
+        other = watch(ros(endpoint, domain=9), 0.3)
+        assert (other.nodes, other.endpoints, other.elsewhere) == ([], [], [0])
 
 
 def test_endpoints_disappear_with_their_node(endpoint):
