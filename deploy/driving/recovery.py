@@ -49,6 +49,7 @@ class ProgressWatch:
         self._best = inf
         self._stalled = 0.0
         self._blocked = False
+        self._setting_out = True
 
     @property
     def blocked(self) -> bool:
@@ -58,13 +59,18 @@ class ProgressWatch:
     def shift(self, metres: float) -> None:
         """Take in that the way is so much longer because it leads elsewhere now: that is no standstill."""
         self._best += metres
+        self._setting_out = True
 
     def update(self, remaining: float, interval: float, *, turning: bool) -> Remedy:
         """Take in the remaining way (metres) and say what to try; `turning` when the robot turns on the spot."""
+        if self._setting_out and turning:
+            # A way that leads back begins where the robot has rolled to, which is far where it brakes weakly.
+            self._best = max(self._best, remaining)
         if remaining < self._best - _STEP:
             self._best = remaining
             self._stalled = 0.0
             self._blocked = False
+            self._setting_out = self._setting_out and turning
         else:
             self._stalled += interval * (_TURNING_COUNTS if turning else 1.0)
         schedule = self._schedule

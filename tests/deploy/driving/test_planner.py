@@ -203,3 +203,15 @@ def test_limits_hold_whatever_comes(start, path, obstacles, velocities, dt):
                 if abs(old - measured) <= 0.3 * limit:
                     assert abs(new - old) <= limit * dt + 1e-9
         last = command
+
+
+@pytest.mark.parametrize("acceleration", [0.2, 0.3])
+def test_rolling_on_before_it_turns_back_is_no_standstill(acceleration):
+    config = DrivingConfig(max_acceleration=acceleration)
+    vehicle, planner = Vehicle(ORIGIN, NOTHING), LocalPlanner(config)
+    run(vehicle, [(9.0, 0.0)], config, seconds=7.0, planner=planner)
+    assert vehicle.velocity[0] > 0.9
+    reached, _, blocked, commands = run(vehicle, [(vehicle.pose.x, 0.0), (-2.0, 0.0)], config, planner=planner)
+    assert reached
+    assert not blocked
+    assert not {"backing off", "looking for a way"} & {command.reason for command in commands}
