@@ -12,7 +12,7 @@ import typer
 
 from actors.cli_options import DEFAULT_ENDPOINT, Fidelity
 from common.cli import CommandApp, Version, command_errors, completing
-from common.errors import ConfigError
+from common.errors import ConfigError, MessageError
 from common.extensions import SIMULATORS
 from common.ids import check_id
 from common.system.addresses import MAX_PORT, listening_address
@@ -243,7 +243,14 @@ def _find_run(bus: BusConfig, run: str | None) -> tuple[str, frozenset[str], Spe
     from common.bus.spec import list_runs
 
     with open_client_session(bus, bus.connect) as session:
-        runs = {spec.run: spec for spec in list_runs(session)}
+        try:
+            runs = {spec.run: spec for spec in list_runs(session)}
+        except MessageError as error:
+            if run is None:
+                raise
+            # The run that was named may come yet, and its actors tell what they cannot read of it.
+            log.warning("skipped a run: %s", error)
+            runs = {}
         if run is None:
             if not runs:
                 others = "" if bus.tls_ca is None else " (one whose certificate is of another authority never answers)"

@@ -153,7 +153,11 @@ def list_runs(
     from learner.run.summary import read_summaries
     from learner.watch.runs_table import show_runs
 
-    show_runs(read_summaries(runs), style)
+    summaries, problems = read_summaries(runs)
+    if summaries:
+        show_runs(summaries, style)
+    if problems:
+        raise CheckpointError("\n  ".join([f"{len(problems)} runs are left out:", *problems]))
 
 
 @command_errors

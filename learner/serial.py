@@ -9,11 +9,15 @@ from __future__ import annotations
 import contextlib
 import logging
 
+import torch
 from rich.console import Console
 
 from actors.collector import Collector
+from actors.launching import compile_kernels
+from common.config import RunConfig
 from common.errors import StorageError
 from common.messages.experience import Chunk, Delivery, EpisodeReport
+from common.system.kernel_folders import is_prepared, note_prepared
 from common.system.runtime import limit_threads
 from common.system.signals import stopping_signals
 from learner.algorithm.base import Algorithm, PublishedVersion
@@ -23,6 +27,7 @@ from learner.loop import train
 from learner.report import Reporter
 from learner.run.folder import RunFolder
 from learner.trainer import Trainer
+from learner.warmup import warm_up
 from learner.watch.view import View
 
 logger = logging.getLogger(__name__)
@@ -95,7 +100,9 @@ def run_serial(run: RunFolder, console: Console, *, resume: bool) -> None:
     config = run.config
     limit_threads(config.learner.threads)
     with contextlib.ExitStack() as stack:
-        algorithm = make_learner(config, choose_device(config.learner.device))
+        device = choose_device(config.learner.device)
+        _compile(config, device)
+        algorithm = make_learner(config, device)
         trainer = SerialTrainer(run, algorithm)
         stack.callback(trainer.close)
         if resume:
@@ -109,3 +116,13 @@ def run_serial(run: RunFolder, console: Console, *, resume: bool) -> None:
             train(trainer)
         words = "is complete" if trainer.complete else "was stopped"
         logger.info("run %s %s after %d updates", config.name, words, trainer.limiter.updates)
+
+
+def _compile(config: RunConfig, device: torch.device) -> None:
+    """Compile all kernels, unless that was done before: a signal breaks this off, while training would end its step."""
+    network = config.network.model_dump_json()
+    compile_kernels(network)
+    use = f"serial {config.algorithm} {device.type} {network}"
+    if not is_prepared("learner", use):
+        warm_up(config, device)
+        note_prepared("learner", use)

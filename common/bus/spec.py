@@ -59,15 +59,24 @@ def specs_of(session: zenoh.Session, run: str, timeout: float) -> list[Spec]:
 
 
 def list_runs(session: zenoh.Session, timeout: float = 2.0) -> list[Spec]:
-    """Return the specifications of all runs on the bus, sorted by name; empty when there is none in time."""
+    """Return the specifications of all runs on the bus, sorted by name; empty when there is none in time.
+
+    Raises:
+        MessageError: all that answer are of another release.
+    """
     found: dict[str, Spec] = {}
+    strange: dict[str, MessageError] = {}
     for reply in ask_until_answered(session, ALL_SPECS, timeout, everybody=True):
         if reply.ok is None:
             continue
         try:
             spec = decode(reply.ok.payload.to_bytes(), Spec)
         except MessageError as error:
-            log.warning("skipped the run at %s: %s", reply.ok.key_expr, error)
+            strange[str(reply.ok.key_expr)] = error
             continue
         found[spec.run] = spec
+    if strange and not found:
+        raise next(iter(strange.values()))
+    for key, problem in strange.items():
+        log.warning("skipped the run at %s: %s", key, problem)
     return [found[name] for name in sorted(found)]

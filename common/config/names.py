@@ -10,6 +10,7 @@ from common.config.run import RunConfig
 from common.errors import MessageError
 from common.extensions import GENERATORS, SIMULATORS, generator_name
 from common.registry import NamedPart, refuse_modules
+from common.system.printable import printable
 from common.tasks import TASKS
 
 
@@ -65,9 +66,14 @@ def config_from_message(
     try:
         config = RunConfig.model_validate_json(text)
     except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"])) or "the whole"
         raise MessageError(
             "spec.config",
-            f"is not a configuration of this version: {error.errors()[0]['msg']}; use the same version on all machines",
+            printable(
+                f"is not a configuration of this version ({where[:100]}: {first['msg']}): use the same version on all "
+                "machines"
+            ),
         ) from None
     config = change(config)
     refuse_modules(named_parts(config), allowed, f"the learner of run {config.name!r}", remedy)

@@ -78,10 +78,12 @@ def decode(data: bytes, *expected: type[Any]) -> Any:
     fields = Fields(unpack(data, path, max(kind.max_bytes for kind in kinds)), path)
     version = fields.integer("v")
     if version != PROTOCOL_VERSION:
+        # Whoever sent it may read this as well, in the answer: it must hold on either side.
+        age = "a newer" if version > PROTOCOL_VERSION else "an older"
         fields.fail(
             "v",
-            f"must be {PROTOCOL_VERSION}, the protocol of this software, got {version}: install the same release "
-            "on every machine of the run",
+            f"must be {PROTOCOL_VERSION}, the protocol of the reader, got {version}: the sender has {age} release; "
+            "install the same release on every machine of the run",
         )
     name = fields.word("kind", *(kind.name for kind in kinds))
     kind = next(kind for kind in kinds if kind.name == name)

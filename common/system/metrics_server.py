@@ -59,7 +59,8 @@ class MetricsServer(Closing):
             def describe(self) -> list[Any]:
                 return []  # nothing is collected before somebody asks
 
-        registry = CollectorRegistry(auto_describe=False)
+        # Without names, so that a request for some figures (`?name[]=hd_steps`) looks through what is collected for it.
+        registry = CollectorRegistry(auto_describe=False, support_collectors_without_names=True)
         registry.register(Figures())
         host, port = address
         try:

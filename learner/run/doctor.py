@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,13 +49,24 @@ def examine(path: Path, *, repair: bool = False) -> list[Finding]:
     """
     written = check_run(path)
     try:
-        with lock_run(path):
+        with _locked(path, repair):
             findings = [*_configuration(path), *_checkpoints(path, repair)]
             if written >= OLDEST_CONTINUED:
                 findings += _journal(path, repair)
             return [*findings, *_episodes(path, repair), *_curves(path, repair)]
     except OSError as error:
-        raise StorageError(f"cannot examine {path}: {error}; check its permissions, and make room") from error
+        doing = "repair" if repair else "examine"
+        raise StorageError(f"cannot {doing} {path}: {error}; check its permissions, and make room") from error
+
+
+def _locked(path: Path, repair: bool) -> AbstractContextManager[object]:
+    """Keep learners out; who only looks may do so in a folder that is somebody else's, or on a read-only disk."""
+    try:
+        return lock_run(path)
+    except OSError as error:
+        if repair or error.errno not in (errno.EACCES, errno.EPERM, errno.EROFS):
+            raise
+    return lock_run(path, read_only=True) if (path / "lock").exists() else nullcontext()
 
 
 def _configuration(path: Path) -> Iterator[Finding]:

@@ -287,10 +287,10 @@ def _is_running(process: int) -> bool:
     return True
 
 
-def lock_run(path: Path) -> FileLock:
+def lock_run(path: Path, *, read_only: bool = False) -> FileLock:
     """Take the lock of the run in ``path``; raise CheckpointError when a learner works on it."""
     try:
-        return FileLock(path / "lock")
+        return FileLock(path / "lock", read_only=read_only)
     except LockedError as error:
         raise CheckpointError(
             f"a learner (process {error.holder}) works on the run in {path}: "

@@ -6,6 +6,8 @@ import dataclasses
 from pathlib import Path
 from typing import Any, Final
 
+from pydantic import TypeAdapter, ValidationError
+
 from common.errors import CheckpointError
 from common.system.documents import read_json
 from learner.run.files import replace_text, to_json
@@ -65,20 +67,45 @@ def write_summary(folder: Path, summary: RunSummary) -> None:
     replace_text(folder / SUMMARY_FILE, to_json(dataclasses.asdict(summary)))
 
 
-def read_summaries(runs: Path) -> list[RunSummary]:
+def read_summaries(runs: Path) -> tuple[list[RunSummary], list[str]]:
     """Return the summaries of all runs in a folder, by name; runs of earlier releases have none and are left out.
 
+    Returns:
+        The summaries, and for each that cannot be read what is wrong with it: one must not hide the others.
+
     Raises:
-        CheckpointError: there is no run with a summary, or one is damaged.
+        CheckpointError: there is no run with a summary, or the folder cannot be read.
     """
-    found = []
-    for path in sorted(runs.glob(f"[!.]*/{SUMMARY_FILE}")):
+    found, problems = [], []
+    try:
+        folders = sorted(entry for entry in runs.iterdir() if not entry.name.startswith("."))
+    except FileNotFoundError:
+        folders = []
+    except OSError as error:
+        raise CheckpointError(f"cannot read the folder of runs {runs}: {error.strerror or error}") from error
+    for folder in folders:
+        path = folder / SUMMARY_FILE
         try:
-            found.append(RunSummary(**read_json(path)))
-        except (OSError, ValueError, TypeError) as error:
-            raise CheckpointError(
-                f"{path} cannot be read ({error}): delete it, the next checkpoint writes it again"
-            ) from error
-    if not found:
+            found.append(_summary(read_json(path)))
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        except OSError as error:
+            problems.append(f"{path} cannot be read: {error.strerror or error}")
+        except ValueError as error:
+            problems.append(f"{path} cannot be read ({error}): delete it, the next checkpoint writes it again")
+    if not found and not problems:
         raise CheckpointError(f"there is no run with a {SUMMARY_FILE} in {runs}: a checkpoint writes one")
-    return found
+    return found, problems
+
+
+def _summary(document: object) -> RunSummary:
+    """Check a summary's fields; those of a later release are passed over."""
+    try:
+        summary = TypeAdapter(RunSummary).validate_python(document)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"])) or "the file"
+        raise ValueError(f"{where}: {first['msg']}, got {first['input']!r:.80}") from None
+    if missing := [name for name in ("success", "distance") if summary.best and name not in summary.best]:
+        raise ValueError(f"best.{missing[0]}: Field required")
+    return summary

@@ -2,6 +2,7 @@
 
 import io
 import json
+import signal
 
 import pytest
 from rich.console import Console
@@ -59,6 +60,19 @@ def test_the_seed_alone_decides_the_weights(tmp_path):
     route = [(episode["map_name"], episode["distance"], episode["driver"]) for episode in episodes]
     assert route == [(episode["map_name"], episode["distance"], episode["driver"]) for episode in again]
     assert {episode["driver"] for episode in episodes} <= {"policy", "expert"}
+
+
+def test_kernels_are_compiled_while_a_signal_still_ends_the_process(tmp_path, monkeypatch):
+    before, heard = signal.getsignal(signal.SIGTERM), []
+
+    def compiling(network):
+        heard.append(signal.getsignal(signal.SIGTERM))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("learner.serial.compile_kernels", compiling)
+    with pytest.raises(KeyboardInterrupt):
+        train(tmp_path, "cold")
+    assert heard == [before]
 
 
 @pytest.mark.timeout(300)

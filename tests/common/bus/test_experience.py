@@ -105,7 +105,8 @@ def test_a_refusal_of_the_store_reaches_the_actor_and_is_final(sessions, caplog)
     [
         (b"", "needs 1 bytes"),
         (b"junk", "must be a map"),
-        (pack({"v": 9, "kind": "delivery"}), "install the same release"),
+        (pack({"v": 9, "kind": "delivery"}), "the sender has a newer release; install the same release"),
+        (pack({"v": 2, "kind": "delivery"}), "the sender has an older release; install the same release"),
         (encode(samples.delivery(np.random.default_rng(0), actor="desk-1")), "as in the key"),
         (encode(samples.weights()), "must be one of delivery"),
     ],

@@ -6,10 +6,12 @@ from contextlib import ExitStack
 import pytest
 
 from common.bus.endpoint import is_loopback, require_free
+from common.bus.query import QueryServer
 from common.bus.session import open_client_session, open_learner_session
 from common.bus.spec import SpecServer, fetch_spec, list_runs
 from common.config import BusConfig
-from common.errors import BusError
+from common.errors import BusError, MessageError
+from common.messages.codec import pack
 from common.messages.replies import Spec
 from tests.common.bus.processes import free_port, loopback
 
@@ -28,6 +30,19 @@ def test_runs_on_the_bus_are_listed():
         assert list_runs(client, timeout=0.3) == []
         with SpecServer(learner, Spec("b", 1, "{}")), SpecServer(learner, Spec("a", 2, "{}")):
             assert [spec.run for spec in list_runs(client, timeout=5)] == ["a", "b"]
+
+
+def test_a_run_of_another_release_is_not_called_missing():
+    def answer(query):
+        query.reply("hd/b/spec", pack({"v": 9, "kind": "spec"}))
+
+    config = loopback()
+    with open_learner_session(config) as learner, open_client_session(config) as client, ExitStack() as stack:
+        stack.enter_context(QueryServer(learner, "hd/b/spec", answer))
+        with pytest.raises(MessageError, match="the sender has a newer release"):
+            list_runs(client, timeout=5)
+        with SpecServer(learner, Spec("a", 2, "{}")):
+            assert [spec.run for spec in list_runs(client, timeout=5)] == ["a"]
 
 
 def opened(config):

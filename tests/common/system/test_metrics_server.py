@@ -8,11 +8,11 @@ from common.errors import ConfigError
 from common.system.metrics_server import Figure, MetricsServer
 
 
-def scrape(port: int) -> dict[str, float]:
+def scrape(port: int, query: str = "") -> dict[str, float]:
     """The samples of a page, by name and labels as Prometheus writes them."""
     from prometheus_client.parser import text_string_to_metric_families
 
-    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as page:
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics{query}", timeout=10) as page:
         families = text_string_to_metric_families(page.read().decode())
     return {
         sample.name + "".join(f",{k}={v}" for k, v in sorted(sample.labels.items())): sample.value
@@ -33,6 +33,11 @@ def test_each_scrape_reads_the_figures_of_its_moment():
             "hd_steps_total": 3.0,
             "hd_lag,actor=a-0,host=desk": 2.0,
             "hd_lag,actor=a-1,host=desk": 0.5,
+        }
+        assert scrape(server.port, "?name[]=hd_steps_total") == {"hd_steps_total": 3.0}
+        assert scrape(server.port, "?name[]=hd_lag&name[]=other").keys() == {
+            "hd_lag,actor=a-0,host=desk",
+            "hd_lag,actor=a-1,host=desk",
         }
         now["steps"] = 4.0
         assert scrape(server.port)["hd_steps_total"] == 4.0

@@ -1,4 +1,6 @@
 import dataclasses
+import errno
+import os
 
 import numpy as np
 import pytest
@@ -117,6 +119,22 @@ def test_a_run_in_work_is_not_touched(run):
     with RunFolder.open(run.parent, "test"):
         done = command(run)
     assert done.exit_code == 1 and "stop it first" in done.output
+
+
+def test_who_only_looks_needs_no_permission_to_write(run, monkeypatch):
+    def open_for_readers(path, flags, *rest, actual=os.open, **named):
+        if str(path).startswith(str(run)) and flags & (os.O_RDWR | os.O_WRONLY | os.O_CREAT):
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return actual(path, flags, *rest, **named)
+
+    with RunFolder.open(run.parent, "test"), monkeypatch.context() as patch:
+        patch.setattr(os, "open", open_for_readers)
+        assert "stop it first" in command(run).output
+    monkeypatch.setattr(os, "open", open_for_readers)
+    assert (command(run).exit_code, command(run, "--repair").exit_code) == (0, 1)
+    assert "cannot repair" in command(run, "--repair").output
+    (run / "lock").unlink()
+    assert command(run).exit_code == 0
 
 
 def test_a_damaged_configuration_names_the_earlier_ones(run):

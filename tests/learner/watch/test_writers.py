@@ -159,6 +159,26 @@ def test_runs_are_compared_in_a_table(tmp_path):
     assert values[1]["total_updates"] == 1000
 
 
+def test_a_damaged_summary_does_not_hide_the_other_runs(tmp_path):
+    trained(tmp_path)
+    whole = json.loads((tmp_path / "test" / "summary.json").read_text())
+    damaged = {
+        "cut": '{"name": "cut"',
+        "words": json.dumps({**whole, "updates": "many"}),
+        "half": json.dumps({**whole, "best": {"success": 1.0}}),
+        "later": json.dumps({**whole, "name": "later", "new": 1}),
+    }
+    for name, text in damaged.items():
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "summary.json").write_text(text)
+    for style in ("text", "csv", "json"):
+        result = runner.invoke(app, ["runs", "--runs", str(tmp_path), "--format", style])
+        assert result.exit_code == 1
+        assert "3 runs are left out" in result.stderr
+        assert "words/summary.json cannot be read (updates: " in result.stderr
+        assert "later" in result.stdout and "test" in result.stdout
+
+
 def test_a_folder_without_runs_says_so(tmp_path):
     result = runner.invoke(app, ["runs", "--runs", str(tmp_path)])
     assert result.exit_code == 1
