@@ -14,6 +14,7 @@ from actors.evaluation.suited import suited_config
 from actors.evaluation.worlds import WorldSet
 from actors.maps.spec import with_places
 from common.errors import ConfigError
+from common.problems import first_problem
 from common.system.paths import expanded
 
 
@@ -83,9 +84,8 @@ def resolve(
             policy=None if policy is None else str(expanded(policy).resolve()),
         )
     except ValidationError as error:
-        wrong = error.errors(include_url=False)[0]
-        name, words = ".".join(map(str, wrong["loc"])), wrong["msg"]
-        raise ConfigError(f"{name}: {words[0].lower()}{words[1:]}, got {wrong['input']!r}: correct it") from None
+        first = first_problem(error)
+        raise ConfigError(f"{first.path}: {first.words}, got {first.given!r}: correct it") from None
 
 
 def settings_of(

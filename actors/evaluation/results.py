@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from common.config.section import Length
 from common.errors import HDError
 from common.ids import ID_PATTERN
+from common.problems import first_problem
 from common.system.paths import exists
 from common.system.remote_files import fetched
 from common.system.stand_ins import stand_in
@@ -178,10 +179,10 @@ def read_record(path: Path, kind: type[R], command: str) -> R:
     except OSError as error:
         raise ResultsError(f"cannot read {path} ({error.strerror}): name a results file of '{command}'") from error
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the file"
+        first = first_problem(error)
         raise ResultsError(
-            f"{path} is not a results file of '{command}': {where}: {first['msg']} ({error.error_count()} problems)"
+            f"{path} is not a results file of '{command}': {first.path or 'the file'}: {first.words} "
+            f"({error.error_count()} problems)"
         ) from error
     except ValueError as error:
         raise ResultsError(f"{path} is no results file of '{command}': {error}") from error

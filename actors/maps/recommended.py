@@ -33,6 +33,7 @@ from pydantic import Field, ValidationError
 from common.config import Section
 from common.config.load import resolve
 from common.errors import ConfigError, MapError
+from common.problems import first_problem
 from common.system.documents import DocumentError, parse_toml, read_text
 
 FILE_NAME: Final = "worlds.toml"
@@ -172,7 +173,7 @@ def _places(name: str, file: str, table: dict[str, Any]) -> Places:
     try:
         return Places.model_validate(table)
     except ValidationError as error:
-        key = str(error.errors()[0]["loc"][0])
+        key = first_problem(error).path.partition(".")[0]
         known = key in Places.model_fields
         expected = "expected [x, y], two numbers in metres" if known else "unknown key, expected start or target"
         raise MapError(f"{name}: worlds.{json.dumps(file)}.{key}: {expected}, got {table[key]!r}: correct it") from None

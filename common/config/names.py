@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from common.config.run import RunConfig
 from common.errors import MessageError
 from common.extensions import GENERATORS, SIMULATORS, generator_name
+from common.problems import first_problem
 from common.registry import NamedPart, refuse_modules
 from common.system.printable import printable
 from common.tasks import TASKS
@@ -66,12 +67,12 @@ def config_from_message(
     try:
         config = RunConfig.model_validate_json(text)
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"])) or "the whole"
+        first = first_problem(error)
+        where = first.path or "the whole"
         raise MessageError(
             "spec.config",
             printable(
-                f"is not a configuration of this version ({where[:100]}: {first['msg']}): use the same version on all "
+                f"is not a configuration of this version ({where[:100]}: {first.words}): use the same version on all "
                 "machines"
             ),
         ) from None

@@ -18,6 +18,7 @@ from pydantic.fields import FieldInfo
 
 from common.errors import ConfigError, HDError
 from common.presets import names_in
+from common.problems import Problem, problems
 from common.registry import NamedPart
 from common.system.documents import DocumentError, parse_json, parse_toml, read_text
 
@@ -92,7 +93,7 @@ class ConfigTree(Generic[M]):
         try:
             config = self.model.model_validate(tree)
         except ValidationError as error:
-            raise _invalid(self._explain(problem, origin) for problem in error.errors(include_url=False)) from None
+            raise _invalid(self._explain(problem, origin) for problem in problems(error)) from None
         unknown = [f"{path}: {text}{_source(path, origin)}" for path, text in _unknown(self.names(config))]
         if unknown:
             raise _invalid(unknown)
@@ -176,18 +177,17 @@ class ConfigTree(Generic[M]):
             near = [name for name in known if name.rsplit(".", 1)[-1] == leaf][:1]
         return f": did you mean {near[0]!r}?" if near else f"; `{self.command}` lists all"
 
-    def _explain(self, problem: Any, origin: Mapping[str, str]) -> str:
-        path = ".".join(str(part) for part in problem["loc"])
-        if problem["type"] == "extra_forbidden":
-            table = isinstance(problem["input"], Mapping)
+    def _explain(self, problem: Problem, origin: Mapping[str, str]) -> str:
+        path, got = problem.path, problem.given
+        if problem.kind == "extra_forbidden":
+            table = isinstance(got, Mapping)
             source = origin.get(path) or next((each for at, each in origin.items() if at.startswith(f"{path}.")), None)
             what = "section" if table else "setting"
             return f"{path}: unknown {what}{self._nearest(path, table=table)}" + (f" (from {source})" if source else "")
         source = _source(path, origin)
-        message = _TABLE if problem["type"] == "model_type" else problem["msg"].removeprefix("Value error, ")
-        got = problem["input"]
+        message = _TABLE if problem.kind == "model_type" else problem.words
         shown = f", got {got!r}" if not isinstance(got, (dict, BaseModel)) else ""
-        return f"{path or self.subject}: {message[0].lower() + message[1:]}{shown}{source}"
+        return f"{path or self.subject}: {message}{shown}{source}"
 
 
 def _source(path: str, origin: Mapping[str, str]) -> str:

@@ -27,6 +27,7 @@ from common.extensions import GENERATOR_PREFIX
 from common.network.onnx_network import OnnxNetwork
 from common.policies import onnx_file
 from common.policies.policy import Policy
+from common.problems import first_problem
 from common.system.documents import DocumentError, parse_json, read_text
 from common.system.stand_ins import stand_in
 from common.tasks import BOTH
@@ -92,13 +93,12 @@ def card_from(values: Mapping[str, Any]) -> PolicyCard:
     try:
         return _cards().validate_python(values)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(map(str, first["loc"]))
-        if first["type"] in ("unexpected_keyword_argument", "extra_forbidden"):
-            raise CheckpointError(f"{where} is unknown here: it was made by another release, use that one") from None
-        if first["type"] in ("missing", "missing_argument"):
-            raise CheckpointError(f"{where} is missing: export the policy again") from None
-        raise CheckpointError(f"{where}: {first['msg']}, got {str(first['input'])[:60]!r}: correct it") from None
+        first = first_problem(error)
+        if first.kind in ("unexpected_keyword_argument", "extra_forbidden"):
+            raise CheckpointError(f"{first.path} is unknown here: use the release that made it") from None
+        if first.kind in ("missing", "missing_argument"):
+            raise CheckpointError(f"{first.path} is missing: export the policy again") from None
+        raise CheckpointError(f"{first.path}: {first.words}, got {str(first.given)[:60]!r}: correct it") from None
 
 
 @functools.cache

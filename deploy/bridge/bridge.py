@@ -36,6 +36,7 @@ from deploy.bridge.warmup import warm_up
 from deploy.config import DeployConfig
 from deploy.mapping.robot_map import RobotMap
 from deploy.ros2 import Message, Node, Received
+from deploy.safety.awaited import awaited
 from deploy.safety.gate import VelocityGate, WatchdogProcess, behind_watchdog
 from deploy.safety.geofence import Geofence
 from deploy.safety.health import HealthMonitor
@@ -126,7 +127,7 @@ class Bridge(Closing):
             # Before the watchdog begins: its zeros would stop the other bridge's robot.
             probe.check()
         self._map = RobotMap(with_planning_set(config, self._planners), self._mission.orders.target)
-        self._health = HealthMonitor(config.safety, fence, config.sensing.source)
+        self._health = HealthMonitor(config.safety, fence, config.sensing.source, awaited(config))
         self._inputs = Inputs(config, self._map, self._health)
         self._loop = DecisionLoop(
             decision, config.mapping, config.safety, self._map, self._planners, self._mission, self._health

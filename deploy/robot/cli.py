@@ -91,10 +91,17 @@ def robot(
     ] = None,
     rays: Annotated[int, typer.Option(help="Beams of a turn.")] = defaults.RAYS,
     scan_rate: Annotated[float, typer.Option(help="Scans per second, Hz.")] = defaults.SCAN_RATE,
+    odometry_rate: Annotated[float, typer.Option(help="Odometry messages per second, Hz.")] = defaults.ODOMETRY_RATE,
+    map_rate: Annotated[float, typer.Option(help="Grids of its own mapping per second, Hz.")] = defaults.MAP_RATE,
     range_noise: Annotated[float, typer.Option(help="Standard deviation of ranges, m.")] = 0.0,
     odometry_drift: Annotated[float, typer.Option(help="Error of odometry, m per m and rad per square root of m.")] = 0,
     sensor_latency: Annotated[float, typer.Option(help="Delay of sensor messages, s.")] = 0.0,
     command_latency: Annotated[float, typer.Option(help="Delay of commands, s.")] = 0.0,
+    max_speed: Annotated[float, typer.Option(help="Maximum speed of the base, m/s.")] = defaults.MAX_SPEED,
+    max_turn_rate: Annotated[float, typer.Option(help="Its maximum turn rate, rad/s.")] = defaults.MAX_TURN_RATE,
+    acceleration: Annotated[float, typer.Option(help="How fast it gains speed, m/s2.")] = defaults.ACCELERATION,
+    deceleration: Annotated[float, typer.Option(help="How fast it brakes, m/s2.")] = defaults.DECELERATION,
+    turn_acceleration: Annotated[float, typer.Option(help="Of turns, rad/s2.")] = defaults.TURN_ACCELERATION,
     command_timeout: Annotated[
         float, typer.Option(help="The base stops after this time without velocities, s.")
     ] = defaults.COMMAND_TIMEOUT,
@@ -128,10 +135,17 @@ def robot(
             "layers": layers,
             "rays": rays,
             "scan_rate": scan_rate,
+            "odometry_rate": odometry_rate,
+            "map_rate": map_rate,
             "range_noise": range_noise,
             "odometry_drift": odometry_drift,
             "sensor_latency": sensor_latency,
             "command_latency": command_latency,
+            "max_speed": max_speed,
+            "max_turn_rate": max_turn_rate,
+            "acceleration": acceleration,
+            "deceleration": deceleration,
+            "turn_acceleration": turn_acceleration,
             "command_timeout": command_timeout,
             "follow": follow,
         }
@@ -236,15 +250,15 @@ def checked_options(values: dict[str, object]) -> RobotOptions:
     """Validate options; `ConfigError` names the first wrong one as the command line spells it."""
     from pydantic import ValidationError
 
+    from common.problems import first_problem
     from deploy.robot.options import RobotOptions
 
     try:
         return RobotOptions.model_validate(values)
     except ValidationError as error:
-        problem = error.errors()[0]
-        option = "--" + str(problem["loc"][0]).replace("_", "-")
-        message = problem["msg"][0].lower() + problem["msg"][1:]
-        raise ConfigError(f"{option}: {message}, got {problem['input']!r}") from None
+        problem = first_problem(error)
+        option = "--" + problem.path.replace("_", "-")
+        raise ConfigError(f"{option}: {problem.words}, got {problem.given!r}") from None
 
 
 def robot_config(config: DeployConfig, connect: list[str] | None, listen: list[str] | None) -> DeployConfig:
@@ -257,13 +271,14 @@ def robot_config(config: DeployConfig, connect: list[str] | None, listen: list[s
         raise ConfigError("--connect joins a router and --listen is one: give one of the two")
     from pydantic import ValidationError
 
+    from common.problems import first_problem
     from deploy.network_config import RosConfig
 
     endpoints = {"connect": connect or (), "listen": () if connect else listen or [ENDPOINT]}
     try:
         ros = RosConfig.model_validate({**config.ros.model_dump(exclude_unset=True), **endpoints})
     except ValidationError as error:
-        problem = error.errors()[0]
-        option, expected = "--connect" if connect else "--listen", problem["msg"].removeprefix("Value error, ")
-        raise ConfigError(f"{option}: {expected}, got {problem['input']!r}") from None
+        problem = first_problem(error)
+        option = "--connect" if connect else "--listen"
+        raise ConfigError(f"{option}: {problem.words}, got {problem.given!r}") from None
     return config.model_copy(update={"ros": ros})

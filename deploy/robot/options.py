@@ -23,16 +23,16 @@ class RobotOptions(Section):
     """Number of the world in its source, and seed of all noise."""
     speed_factor: Annotated[float, Field(gt=0.0, le=100.0)] = 1.0
     """How much faster than real time the robot lives; below 1 in slow motion."""
-    max_speed: Positive = 2.0
+    max_speed: Positive = defaults.MAX_SPEED
     """Maximum speed of the base, m/s."""
-    max_turn_rate: Positive = 3.0
+    max_turn_rate: Positive = defaults.MAX_TURN_RATE
     """Maximum turn rate of the base, rad/s."""
-    acceleration: Positive = 2.0
-    """m/s2."""
-    deceleration: Positive = 4.0
-    """m/s2."""
-    turn_acceleration: Positive = 9.0
-    """rad/s2."""
+    acceleration: Positive = defaults.ACCELERATION
+    """How fast the base gains speed, m/s2."""
+    deceleration: Positive = defaults.DECELERATION
+    """How fast it brakes, m/s2."""
+    turn_acceleration: Positive = defaults.TURN_ACCELERATION
+    """Likewise of turns, rad/s2."""
     command_timeout: Positive = defaults.COMMAND_TIMEOUT
     """The base stops this long after the last velocity, as real bases do: seconds of wall-clock time, or of the robot's
     in slow motion."""
@@ -42,9 +42,9 @@ class RobotOptions(Section):
     """Layers of the lidar; when not given 16 where the profile has a topic of point clouds, else 1."""
     scan_rate: Annotated[float, Field(gt=0.0, le=30.0)] = defaults.SCAN_RATE
     """Scans or clouds per second, Hz."""
-    odometry_rate: Annotated[float, Field(gt=0.0, le=60.0)] = 30.0
+    odometry_rate: Annotated[float, Field(gt=0.0, le=60.0)] = defaults.ODOMETRY_RATE
     """Odometry messages and transforms per second, Hz."""
-    map_rate: Annotated[float, Field(gt=0.0, le=10.0)] = 1.0
+    map_rate: Annotated[float, Field(gt=0.0, le=10.0)] = defaults.MAP_RATE
     """Grids of the robot's own mapping per second, Hz."""
     range_noise: NonNegative = 0.0
     """Standard deviation of the ranges, metres."""

@@ -7,6 +7,7 @@ from math import hypot, isfinite
 
 from common.geometry import Pose
 from deploy.config import Point, SafetyConfig
+from deploy.safety.awaited import Awaited
 from deploy.safety.faults import Fault as Fault  # noqa: PLC0414  (exported from here too)
 from deploy.safety.faults import FaultKind as FaultKind  # noqa: PLC0414
 from deploy.safety.geofence import Geofence
@@ -31,24 +32,32 @@ class HealthMonitor:
             gate.hold(fault.reason)
     """
 
-    def __init__(self, config: SafetyConfig, fence: Geofence | None = None, sensor: str = "scan") -> None:
+    def __init__(
+        self,
+        config: SafetyConfig,
+        fence: Geofence | None = None,
+        sensor: str = "scan",
+        awaited: Awaited = Awaited(),  # noqa: B008  (immutable)
+    ) -> None:
         """Watch with the timeouts of `config`.
 
         Args:
             config: timeouts, speed limit and permitted jump.
             fence: where the robot may be; that of its centre alone when not given.
             sensor: name of the sensor for the operator: scan, points or grid.
+            awaited: where sensor and pose are waited for.
         """
         self._config = config
         self._fence = Geofence(config.geofence) if fence is None else fence
         self._sensor = sensor
+        self._awaited = awaited
         # A map comes when it changes, perhaps only once; that it is still true, the poses have to tell.
         self._latched = sensor == "grid"
         self.reset()
 
     def reset(self) -> None:
         """Forget everything that was heard, as when the robot's software starts anew."""
-        self._sensors = SensorWatch(self._sensor, self._config.scan_timeout)
+        self._sensors = SensorWatch(self._sensor, self._config.scan_timeout, awaited=self._awaited.sensor)
         self._others: dict[str, SensorWatch] = {}
         self._pose_arrived: float | None = None
         self._pose_order = StampOrder()
@@ -187,7 +196,7 @@ class HealthMonitor:
     def _pose_faults(self, now: float) -> list[Fault]:
         timeout = self._config.pose_timeout
         if self._pose is None:
-            return [Fault(FaultKind.POSE_STALE, "no pose received yet")]
+            return [Fault(FaultKind.POSE_STALE, f"no pose received yet{self._awaited.pose}")]
         last, arrived = self._pose[0], self._pose_arrived
         if arrived is None or now - arrived > timeout:
             return [_stale(FaultKind.POSE_STALE, "no pose", now - last, timeout)]

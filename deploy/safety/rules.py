@@ -8,6 +8,7 @@ from math import isfinite
 from typing import Final
 
 from deploy.config import SafetyConfig
+from deploy.safety.awaited import Awaited
 from deploy.safety.gate_state import GateMode, emergency_reason
 from deploy.safety.takeover import Takeover
 
@@ -45,7 +46,14 @@ class GateRules:
     """
 
     def __init__(
-        self, config: SafetyConfig, sensor: str, now: float, emergency_stop: str = "", *, drives: bool
+        self,
+        config: SafetyConfig,
+        sensor: str,
+        now: float,
+        emergency_stop: str = "",
+        *,
+        drives: bool,
+        awaited: Awaited = Awaited(),  # noqa: B008  (immutable)
     ) -> None:
         """Start without having heard anything.
 
@@ -55,9 +63,11 @@ class GateRules:
             now: seconds.
             emergency_stop: reason of a stop that is latched already.
             drives: the bridge sends velocities; otherwise the robot's own stack drives.
+            awaited: where sensor and pose are waited for.
         """
         self._config = config
         self._drives = drives
+        self._awaited = awaited
         self._sensor_name = {"scan": "scan", "points": "point cloud", "grid": "map"}[sensor]
         self._latched = sensor == "grid"
         self._takeover = Takeover(config)
@@ -165,12 +175,12 @@ class GateRules:
             return GateMode.HELD, "the bridge ends"
         if now - self._bridge > config.bridge_timeout:
             return GateMode.BRIDGE_SILENT, f"the bridge said nothing for {config.bridge_timeout:g} s"
-        for mode, what, last, limit in (
-            (GateMode.SENSOR_STALE, self._sensor_name, self.sensor_time, config.scan_timeout),
-            (GateMode.POSE_STALE, "pose", self.pose_time, config.pose_timeout),
+        for mode, what, last, limit, where in (
+            (GateMode.SENSOR_STALE, self._sensor_name, self.sensor_time, config.scan_timeout, self._awaited.sensor),
+            (GateMode.POSE_STALE, "pose", self.pose_time, config.pose_timeout, self._awaited.pose),
         ):
             if last is None:
-                return mode, f"no {what} received yet"
+                return mode, f"no {what} received yet{where}"
             # A map comes when it changes, perhaps only once.
             if now - last > limit and not (self._latched and mode is GateMode.SENSOR_STALE):
                 return mode, f"no {what} for {limit:g} s"

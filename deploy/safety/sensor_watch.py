@@ -33,16 +33,18 @@ class SensorWatch:
     away.
     """
 
-    def __init__(self, name: str, timeout: float, *, required: bool = True) -> None:
+    def __init__(self, name: str, timeout: float, *, required: bool = True, awaited: str = "") -> None:
         """Have heard nothing.
 
         Args:
             name: of the sensor for the operator.
             timeout: seconds.
             required: there has to be one; without, only one that was heard for longer than the time-out counts.
+            awaited: where it is waited for, as `Awaited` says.
         """
         self._name = name
         self._required = required
+        self._awaited = awaited
         self._timeout = timeout
         self._lidars: dict[str, _Lidar] = {}
 
@@ -79,7 +81,7 @@ class SensorWatch:
         lidars = tuple(self._lidars.items())
         if self._required:
             if not lidars:
-                return Fault(FaultKind.SENSOR_STALE, f"no {self._name} received yet")
+                return Fault(FaultKind.SENSOR_STALE, f"no {self._name} received yet{self._awaited}")
             newest = max(lidar.arrived for _, lidar in lidars)
             if now - newest > self._timeout:
                 return Fault(FaultKind.SENSOR_STALE, self._silence("", now - newest))

@@ -24,6 +24,7 @@ from common.system.logs import setup_logging
 from common.system.signals import ignore_signals, on_signals
 from deploy.config import DeployConfig
 from deploy.ros2 import LATCHED, Node, message
+from deploy.safety.awaited import awaited
 from deploy.safety.channel import Channel
 from deploy.safety.gate_state import GateMode, GateState
 from deploy.safety.inputs import WatchdogInputs
@@ -52,7 +53,12 @@ class Watchdog(Closing):
         self._channel = channel
         self._id = uuid.uuid4().hex
         self._rules = GateRules(
-            config.safety, config.sensing.source, time.monotonic(), emergency_stop, drives=config.driving.enabled
+            config.safety,
+            config.sensing.source,
+            time.monotonic(),
+            emergency_stop,
+            drives=config.driving.enabled,
+            awaited=awaited(config),
         )
         self._wakeup, self._waker = os.pipe()
         os.set_blocking(self._waker, False)

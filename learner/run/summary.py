@@ -9,6 +9,7 @@ from typing import Any, Final
 from pydantic import TypeAdapter, ValidationError
 
 from common.errors import CheckpointError
+from common.problems import first_problem
 from common.system.documents import read_json
 from learner.run.files import replace_text, to_json
 
@@ -103,9 +104,8 @@ def _summary(document: object) -> RunSummary:
     try:
         summary = TypeAdapter(RunSummary).validate_python(document)
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"])) or "the file"
-        raise ValueError(f"{where}: {first['msg']}, got {first['input']!r:.80}") from None
+        first = first_problem(error)
+        raise ValueError(f"{first.path or 'the file'}: {first.words}, got {first.given!r:.80}") from None
     if missing := [name for name in ("success", "distance") if summary.best and name not in summary.best]:
         raise ValueError(f"best.{missing[0]}: Field required")
     return summary

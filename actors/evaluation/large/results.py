@@ -28,6 +28,7 @@ from actors.evaluation.settings import EvaluationSettings
 from actors.evaluation.worlds import WorldSet
 from actors.maps.grid_map import GridMap
 from common.config.section import Length
+from common.problems import first_problem
 from common.registry import refuse_modules
 
 Count = Annotated[int, Field(ge=0)]
@@ -206,7 +207,7 @@ def settings_of(results: LargeResults) -> EvaluationSettings:
         settings = EvaluationSettings.model_validate({**results.settings, "large": True})
     except ValidationError as error:
         raise ResultsError(
-            f"the settings of {results.planner!r} do not fit this version ({error.errors()[0]['msg']}): "
+            f"the settings of {results.planner!r} do not fit this version ({first_problem(error).words}): "
             "use the version that made them"
         ) from error
     refuse_modules(settings.named_parts(), (), f"the results file of {results.planner!r}", "install it as a package")

@@ -7,6 +7,7 @@ from pydantic import ValidationError
 from actors.maps.generators.base import Generator
 from common.errors import MapError
 from common.extensions import GENERATORS
+from common.problems import problems
 from common.registry import did_you_mean
 
 __all__ = ["Generator", "find_generator", "make_generator", "warm_up"]
@@ -44,12 +45,11 @@ def make_generator(name: str, parameters: dict[str, str]) -> Generator:
     try:
         return kind.model_validate_strings(parameters)
     except ValidationError as error:
-        problems = []
-        for problem in error.errors(include_url=False):
-            field = ".".join(str(part) for part in problem["loc"])
-            given = f", got '{parameters[field]}'" if field in parameters else ""
-            problems.append(f"{field + ': ' if field else ''}{problem['msg']}{given}")
-        raise MapError(f"generator:{name}: {'; '.join(problems)}") from error
+        wrong = []
+        for problem in problems(error):
+            given = f", got '{parameters[problem.path]}'" if problem.path in parameters else ""
+            wrong.append(f"{problem.path + ': ' if problem.path else ''}{problem.words}{given}")
+        raise MapError(f"generator:{name}: {'; '.join(wrong)}") from error
 
 
 def warm_up() -> None:

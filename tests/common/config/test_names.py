@@ -53,7 +53,7 @@ def test_what_is_no_configuration_is_refused():
     for text in ("", "[]", '{"nonsense": 1}'):
         with pytest.raises(MessageError, match="is not a configuration of this version"):
             config_from_message(text, (), "allow it")
-    with pytest.raises(MessageError, match="learner.hurry: Extra inputs"):
+    with pytest.raises(MessageError, match="learner.hurry: extra inputs"):
         config_from_message('{"learner": {"hurry": 1}}', (), "allow it")
 
 

@@ -42,7 +42,7 @@ def write_weights(path, data):
         (lambda card: card.pop("format"), "policy.json is no card of a policy"),
         (lambda card: card.pop("task"), "policy.json .*: task is missing: export the policy again"),
         (lambda card: card.pop("network"), "policy.json .*: network is missing"),
-        (lambda card: card.update(novel=1), "policy.json .*: novel is unknown here: it was made by another release"),
+        (lambda card: card.update(novel=1), "policy.json .*: novel is unknown here: use the release that made it"),
         (lambda card: card["network"].update(novel=1), "policy.json .*: network.novel is unknown here"),
         (lambda card: card.update(task=5), "policy.json .*: task: .*, got '5'"),
         (lambda card: card.update(maps="generator:rooms"), "policy.json .*: maps: .*, got 'generator:rooms'"),

@@ -8,9 +8,11 @@ import time
 
 import psutil
 import pytest
+import typer
 
 pytest.importorskip("pybullet", reason="PyBullet is not installed")
 
+from deploy.cli import app
 from deploy.robot.deployment import free_endpoint
 from deploy.robot.options import RobotOptions
 from deploy.robot.trial import robot_arguments
@@ -85,6 +87,12 @@ def test_it_ends_with_a_killed_parent(tmp_path):
     for process in alive:
         process.kill()
     assert not alive
+
+
+def test_the_command_line_takes_every_option_of_the_robot():
+    command = typer.main.get_command(app).get_command(None, "robot")
+    known = {name for parameter in command.params for name in parameter.opts}
+    assert {"--" + name.replace("_", "-") for name in RobotOptions.model_fields} <= known
 
 
 def test_options_become_arguments_of_the_command():
