@@ -49,7 +49,7 @@ class ProgressWatch:
         self._best = inf
         self._stalled = 0.0
         self._blocked = False
-        self._setting_out = True
+        self._setting_out = self._fresh = True
 
     @property
     def blocked(self) -> bool:
@@ -59,7 +59,7 @@ class ProgressWatch:
     def shift(self, metres: float) -> None:
         """Take in that the way is so much longer because it leads elsewhere now: that is no standstill."""
         self._best += metres
-        self._setting_out = True
+        self._setting_out = self._fresh = True
 
     def update(self, remaining: float, interval: float, *, turning: bool) -> Remedy:
         """Take in the remaining way (metres) and say what to try; `turning` when the robot turns on the spot."""
@@ -70,9 +70,11 @@ class ProgressWatch:
             self._best = remaining
             self._stalled = 0.0
             self._blocked = False
-            self._setting_out = self._setting_out and turning
+            # Of a way that has just changed it is not known yet whether the robot has to turn.
+            self._setting_out = self._setting_out and (turning or self._fresh)
         else:
             self._stalled += interval * (_TURNING_COUNTS if turning else 1.0)
+        self._fresh = False
         schedule = self._schedule
         if self._stalled >= schedule.blocked:
             self._blocked = True

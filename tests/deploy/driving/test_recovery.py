@@ -37,3 +37,14 @@ def test_remedies_come_again():
     tried = remedies(watch, lambda time: 5.0, 20.0)
     assert tried.count(Remedy.BACK_OFF) >= 8
     assert watch.blocked
+
+
+def test_a_robot_that_rolls_on_before_it_turns_back_does_not_stand_still():
+    watch = ProgressWatch()
+    remedies(watch, lambda time: 12.0 - time, 10.0)
+    # The way leads back now; 1 m/s at 0.3 m/s2 is 1.7 m farther on. That it has to turn shows one update later.
+    watch.shift(20.0)
+    assert watch.update(21.9, 0.5, turning=False) is Remedy.NONE
+    rolling = remedies(watch, lambda time: 21.9 + time - 0.15 * time**2, 3.5, turning=True)
+    leading_back = remedies(watch, lambda time: 23.6 - 0.15 * time**2, 6.0)
+    assert {*rolling, *leading_back} == {Remedy.NONE}
