@@ -59,7 +59,7 @@ class Depth:
     public maps and in rooms, where a decision shows 0.23 of the disc or more; 1.16 and more in forests, offices,
     warehouses, tunnels and buildings. Over whole explorations of 40 public maps and rooms they never rise above 1.005.
     In forests the policy explores with as much travel as the best classical planner, or less. In halls, which are as
-    open, it dithers; docs/training.md tells how many worlds of each kind are taken for which.
+    open, it dithers; docs/experiments.md tells how many worlds of each kind are taken for which.
 
     Args:
         config: the mapping of the episode.

@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 # Viewpoints may be this many times wider or closer, in shares of the sensor's range, than those that a policy knows.
 SPACING_TOLERANCE: Final = 1.3
 # With a sensor of at least this share of the shortest range in training a policy keeps up with the classical planners:
-# with 15 instead of 20 m it drives as far as `tour`, with 10 m 12 % farther (docs/training.md).
+# with 15 instead of 20 m it drives as far as `tour`, with 10 m 12 % farther (docs/experiments.md).
 SHORTEST_RANGE: Final = 0.7
 
 
