@@ -29,6 +29,12 @@ def nearest_way(
     Returns:
         Corners, the goal last, metres; at least one, or none where no way leads to a goal.
     """
+    trail = cells_between(mapper, start, passable, goals)
+    return _pulled_straight(mapper, start, [centre_of(mapper, cell) for cell in trail])
+
+
+def cells_between(mapper: Mapper, start: Position, passable: NDArray[np.bool_], goals: NDArray[np.bool_]) -> list[int]:
+    """Return the cells of that way, flat, the goal last."""
     belief = mapper.belief
     width = belief.padded.shape[1]
     (row, column), (rows, columns) = belief.cell(start), belief.shape
@@ -41,7 +47,14 @@ def nearest_way(
     trail = [int(goal)]
     while before[trail[-1]] != first and trail[-1] != first:
         trail.append(int(before[trail[-1]]))
-    return _pulled_straight(mapper, start, [centre_of(mapper, cell) for cell in trail[::-1]])
+    return trail[::-1]
+
+
+def flooded(passable: NDArray[np.bool_], start: int) -> NDArray[np.bool_]:
+    """Return the cells of a padded grid that are joined with one, given flat; bool, shape of the grid."""
+    nowhere = np.zeros(passable.size, dtype=np.bool_)
+    before: NDArray[np.int32] = _flood(passable.reshape(-1), passable.shape[1], start, nowhere)[1]
+    return (before >= 0).reshape(passable.shape)
 
 
 def centre_of(mapper: Mapper, cell: int) -> Position:

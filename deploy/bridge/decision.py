@@ -15,7 +15,7 @@ from common.planners.base import Plan, Position, Status
 from common.planners.goals import nothing_to_see
 from deploy.bridge.aim import Aim
 from deploy.bridge.completion import CompletionChecks
-from deploy.bridge.diagnosis import diagnose
+from deploy.bridge.diagnosis import behind_closed_way, diagnose
 from deploy.bridge.legs import begun_at, drivable, free_in
 from deploy.bridge.map_source import MapSource
 from deploy.bridge.mission import Mission, Orders, Phase, too_far
@@ -107,6 +107,8 @@ class DecisionLoop:
         self._check(mapper, now)
         decided = False
         if orders.moving:
+            if mapper is not None:
+                self._supervisor.look(mapper, now)
             broken = next((fault for fault in self._faults if fault.kind not in _MENDED_BY_PLANNING), None)
             if broken is not None:
                 self._stand(broken.reason)
@@ -213,6 +215,9 @@ class DecisionLoop:
         try:
             look = self._supervisor.look_around(mapper, place, now) if way else None
             plan = look or self.planners.plan(mapper, place, now)
+            if self._supervisor.begin_anew(plan, now):
+                self.planners.begin_anew()
+                plan = self.planners.plan(mapper, place, now)
         except PlannerError as error:
             self._health.policy_failed(error)
             self._faults.append(Fault(FaultKind.POLICY_ERROR, str(error)))
@@ -299,6 +304,8 @@ class DecisionLoop:
             self._checks.reset()
             self._stand(plan.reason if found.final else found.text)
             return
+        if exploring and found.unseen is None:
+            found = behind_closed_way(self._supervisor.behind_closed_way(mapper)) or found
         text = f"{found.text} ({plan.reason})" if exploring else plan.reason
         done = exploring or plan.status is Status.COMPLETE
         if self._checks.passed(self._version, self._clock()):

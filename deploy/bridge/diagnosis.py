@@ -10,7 +10,7 @@ from common.config import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.mapping.sight import FREE, OCCUPIED
-from deploy.bridge.unseen import Unseen, find_unseen
+from deploy.bridge.unseen import Unseen, confined, find_unseen
 
 
 class Cause(StrEnum):
@@ -21,7 +21,7 @@ class Cause(StrEnum):
     IN_OBSTACLE = "in_obstacle"
     """The robot's own cell is not free in the map."""
     NO_ROOM = "no_room"
-    """The robot fits nowhere near its place by the map."""
+    """The robot fits nowhere near its place by the map, or cannot get away from it."""
     COMPLETE = "complete"
     """Nothing unknown borders on space that the robot can reach."""
     LEFT_UNSEEN = "left_unseen"
@@ -79,6 +79,26 @@ def diagnose(mapper: Mapper | None, pose: Pose | None, config: MappingConfig) ->
             "drive it into the open, or lower mapping.robot_radius",
         )
     unseen = find_unseen(mapper, config.robot_radius)
+    if unseen is None and confined(mapper, pose, config.robot_radius):
+        return Diagnosis(
+            Cause.NO_ROOM,
+            f"a robot that needs {config.robot_radius:g} m of room cannot leave ({pose.x:.2f}, {pose.y:.2f}), where by "
+            "its map all around is too narrow: drive it into the open, or lower mapping.robot_radius or "
+            "mapping.resolution",
+        )
     if unseen is None:
         return Diagnosis(Cause.COMPLETE, "complete: no frontier is left at the edge of what the robot can reach")
     return Diagnosis(Cause.LEFT_UNSEEN, f"not complete: {unseen}", unseen)
+
+
+def behind_closed_way(unseen: Unseen | None) -> Diagnosis | None:
+    """Say that something closes the way to frontiers; None without any."""
+    if unseen is None:
+        return None
+    x, y = unseen.position
+    return Diagnosis(
+        Cause.LEFT_UNSEEN,
+        f"not complete: something that was not there before closes the way to {unseen.length:.1f} m of frontier around "
+        f"({x:.1f}, {y:.1f}) m",
+        unseen,
+    )

@@ -14,9 +14,10 @@ from common.config import MappingConfig
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status
+from deploy.bridge.closed_ways import ClosedWays
 from deploy.bridge.detour import detour, useful_nodes
 from deploy.bridge.outcome import Course
-from deploy.bridge.unseen import go_to_unseen
+from deploy.bridge.unseen import Unseen, go_to_unseen
 from deploy.config import SafetyConfig
 from deploy.safety.blacklist import Ban, Blacklist
 from deploy.safety.geofence import Geofence
@@ -29,6 +30,8 @@ _HOPELESS: Final = 2
 _SAME_PLACE: Final = 0.5
 # A frontier that is left when the robot has come so near, metres, shows no more.
 _LOOKED_AT: Final = 1.0
+# Where the robot can get to is noted so often, seconds.
+_LOOK_EVERY: Final = 0.5
 # The edge of a frontier near a viewpoint, in spacings.
 _NEAR: Final = 0.75
 
@@ -50,6 +53,9 @@ class PlanSupervisor:
         self._loops = LoopDetector()
         self._spacing = mapping.viewpoint_spacing
         self._radius = mapping.robot_radius
+        self._ways = ClosedWays(safety.blacklist_time, mapping.robot_radius)
+        self._next_look = -inf
+        self._waited = False
         # Viewpoints where the robot was with something left to see; the edge of a frontier that it is on its way to,
         # and those where it was.
         self._visited: list[Position] = []
@@ -60,6 +66,9 @@ class PlanSupervisor:
         """Begin an episode: forget everything."""
         self.target = target
         self._blacklist.clear()
+        self._ways.clear()
+        self._next_look = now
+        self._waited = False
         self._visited.clear()
         self._edge = None
         self._looked_from.clear()
@@ -108,19 +117,33 @@ class PlanSupervisor:
         """Look for what a planner overlooks that says that nothing is left; else return its plan as it is.
 
         In an exploration that is a viewpoint with something to see where the robot was not, then the edge of a frontier
-        that no viewpoint resolves; for a target, a way that only bans close.
+        that no viewpoint resolves; for a target, a way that only bans close. In both it is a way, too, that was free
+        and that something closes by now.
         """
         if mapper.stuck:
             return plan
         if self.target is not None:
-            return plan if plan.status is Status.COMPLETE else self._wait_for_bans(now) or plan
+            if plan.status is Status.COMPLETE:
+                return plan
+            return self._wait_for_bans(now) or self._wait_for_ways(mapper, place, now) or plan
         if len(useful_nodes(mapper, None)):
             found = self.around(mapper, place, now)
             if found.status is not Status.UNREACHABLE:
                 return found
             if self._only_outside(mapper):
                 plan = replace(plan, reason=found.reason)
-        return self._to_edge(mapper, place, now, inf) or plan
+        edge = self._to_edge(mapper, place, now, inf)
+        return edge or self._wait_for_ways(mapper, place, now) or plan
+
+    def look(self, mapper: Mapper, now: float) -> None:
+        """Note where the robot can get to; call it at every pass."""
+        if now >= self._next_look and not mapper.stuck:
+            self._next_look = now + _LOOK_EVERY
+            self._ways.look(mapper)
+
+    def behind_closed_way(self, mapper: Mapper) -> Unseen | None:
+        """Return the frontiers behind a way that was free and that something closes; None without any."""
+        return None if mapper.stuck else self._ways.unseen(mapper)
 
     def _only_outside(self, mapper: Mapper) -> bool:
         """Whether nothing that is left to look at lies inside the geofence."""
@@ -180,7 +203,33 @@ class PlanSupervisor:
             return None
         first = min(young, key=lambda ban: ban.until)
         wait = first.until - now
+        self._note_wait(now)
         return Plan(Status.STUCK, reason=f"every way is blocked ({first.reason}); tries again in {wait:.0f} s")
+
+    def _wait_for_ways(self, mapper: Mapper, place: Pose, now: float) -> Plan | None:
+        """Wait for ways that something closes, and go to look at them; None without any."""
+        plan = self._ways.wait(mapper, place, self.target, now)
+        if plan is not None and plan.status is Status.STUCK:
+            self._note_wait(now)
+        return plan
+
+    def _note_wait(self, now: float) -> None:
+        """Note that the robot waits, which is no time without progress."""
+        self._waited = True
+        self._progress.reset(now)
+
+    def begin_anew(self, plan: Plan, now: float) -> bool:
+        """Whether a planner that gave up its target shall forget what it failed at: once after every wait.
+
+        Navigation planners leave out for good what they were asked about in vain, and so all that was blocked before
+        the wait, and banned in it.
+        """
+        if self.target is None or plan.status not in {Status.UNREACHABLE, Status.STUCK} or not self._waited:
+            return False
+        if any(ban.failures < _HOPELESS for ban in self._blacklist.active(now)):
+            return False
+        self._waited = False
+        return True
 
     def watch(self, mapper: Mapper, pose: Pose, course: Course, reached: Position | None, now: float) -> str:
         """Take in where the robot is going, and say why it gets nowhere; empty while it does get somewhere.

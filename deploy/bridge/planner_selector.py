@@ -48,6 +48,7 @@ class PlannerSelector:
         self._relief = relief
         self._episode: tuple[TaskName, Position | None] | None = None
         self._homing = False
+        self._place: Position = (0.0, 0.0)
         self._until = float("-inf")
         self.why_relieved = ""
         """Why the fallback is, or last was, in charge."""
@@ -84,7 +85,16 @@ class PlannerSelector:
     def go_to(self, target: Position) -> None:
         """Begin the way to a place that is no part of the task: home, or a target in the midst of an exploration."""
         self._homing = True
+        self._place = target
         self._home.reset(NAVIGATION.name, target, 0)
+
+    def begin_anew(self) -> None:
+        """Let everybody forget what was found out on the way to the same target."""
+        if self._homing:
+            self._home.reset(NAVIGATION.name, self._place, 0)
+        elif self._episode is not None:
+            _begin(self._main, *self._episode)
+            _begin(self._fallback, *self._episode)
 
     def relieve(self, now: float, why: str) -> None:
         """Put the fallback in charge for a while."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from math import ceil
+from math import ceil, pi
 from typing import Final
 
 import numpy as np
@@ -66,7 +66,12 @@ def find_unseen(mapper: Mapper, radius: float) -> Unseen | None:
     Returns:
         None when there are none.
     """
-    groups = _frontiers(mapper, radius)
+    return unseen_from(mapper, radius, mapper.reachable_cells())
+
+
+def unseen_from(mapper: Mapper, radius: float, space: NDArray[np.bool_]) -> Unseen | None:
+    """Find the frontiers that border on some space, bool, shape of the belief's padded grid; see `find_unseen`."""
+    groups = _frontiers(mapper, radius, space)
     if not groups:
         return None
     size = mapper.belief.resolution
@@ -77,6 +82,24 @@ def find_unseen(mapper: Mapper, radius: float) -> Unseen | None:
         largest=len(longest) * size,
         position=centre_of(mapper, int(longest[len(longest) // 2])),
     )
+
+
+def confined(mapper: Mapper, pose: Pose, radius: float) -> bool:
+    """Whether the robot cannot get out of where it stands, although free space leads on from there to a frontier.
+
+    Its middle can get to less space than its body covers: by the map it is wedged in, between walls that leave it no
+    room to go along them.
+
+    Args:
+        mapper: updated at the pose.
+        pose: of the robot.
+        radius: of the robot, metres.
+    """
+    belief = mapper.belief
+    if np.count_nonzero(mapper.reachable_cells()) * belief.resolution**2 >= pi * radius**2:
+        return False
+    frontier = mapper.frontier_mask
+    return bool(frontier.any()) and bool(nearest_way(mapper, pose.position, belief.padded == FREE, frontier))
 
 
 def go_to_unseen(mapper: Mapper, pose: Pose, radius: float, skip: Callable[[Position], bool]) -> Plan | None:
@@ -90,7 +113,10 @@ def go_to_unseen(mapper: Mapper, pose: Pose, radius: float, skip: Callable[[Posi
     """
     belief = mapper.belief
     cells = [
-        cell for group in _frontiers(mapper, radius) for cell in group.tolist() if not skip(centre_of(mapper, cell))
+        cell
+        for group in _frontiers(mapper, radius, mapper.reachable_cells())
+        for cell in group.tolist()
+        if not skip(centre_of(mapper, cell))
     ]
     if not cells:
         return None
@@ -105,12 +131,11 @@ def go_to_unseen(mapper: Mapper, pose: Pose, radius: float, skip: Callable[[Posi
     return Plan(Status.GOING, waypoint=way[-1], via=way[:-1], beacon=way[-1], reason=_REASON)
 
 
-def _frontiers(mapper: Mapper, radius: float) -> list[NDArray[np.int64]]:
-    """Return the frontiers that border on what the robot can reach: flat cells of the padded grid of each."""
+def _frontiers(mapper: Mapper, radius: float, space: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
+    """Return the frontiers that border on some space: flat cells of the padded grid of each."""
     belief = mapper.belief
     width = belief.padded.shape[1]
-    reachable = np.flatnonzero(mapper.reachable_cells().reshape(-1))
-    steps = _steps_from(belief.padded.reshape(-1), width, reachable, _reach(mapper, radius))
+    steps = _steps_from(belief.padded.reshape(-1), width, np.flatnonzero(space.reshape(-1)), _reach(mapper, radius))
     cells, starts = _groups(width, mapper.frontier_mask.reshape(-1) & (steps >= 0))
     groups = [cells[a:b] for a, b in pairwise(starts.tolist())]
     return [group for group in groups if len(group) * belief.resolution >= 2.0 * radius]

@@ -84,6 +84,31 @@ def test_a_target_that_cannot_be_reached_fails_after_several_checks():
     assert any(o.hold.startswith("check 4 of 5") for o in trial.outcomes)
 
 
+def test_after_a_wait_a_planner_that_gave_up_its_target_begins_anew():
+    """Planners leave out for good what they failed at; a box on the way stood there for a while only."""
+
+    def decide(asked, mapper, pose):
+        if asked == 1:
+            return Plan(Status.GOING, waypoint=(pose.x + 4.0, pose.y))
+        return Plan(Status.UNREACHABLE, reason="it was tried in vain")
+
+    goal = ROOMS.start[0] + 8.0, ROOMS.start[1]
+    trial = started(
+        ROOMS, Scripted(decide), decision={"task": "navigation", "goal": goal}, safety={"blacklist_time": 3.0}
+    )
+    trial.frozen = True
+    ways = []
+    for _ in range(100):
+        before, now = trial.outcomes[-1].course if trial.outcomes else None, trial.tick().course
+        if now is not None and before is None:
+            ways.append(trial.now)
+            trial.loop.report_blocked("a box")
+    # A second time after the first ban, and no third time: bans are given up after two failures.
+    assert len(ways) == 2
+    assert 3.0 < ways[1] - ways[0] < 4.0
+    assert trial.outcomes[-1].orders.phase is Phase.FAILED
+
+
 def test_one_empty_graph_is_not_the_end():
     trial = started(ROOM)
     first = trial.tick()
