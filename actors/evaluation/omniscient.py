@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -22,8 +22,11 @@ from common.errors import MapError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.mapping.viewpoints import LONGEST_EDGE
-from common.planners.base import Plan, Position, Status, TaskName
+from common.planners.base import Plan, Planner, Position, Status, TaskName
+from common.planners.exploration.greedy import GreedyPlanner
+from common.planners.exploration.nearest import NearestPlanner
 from common.planners.viewpoint_planner import TOLERANCE
+from common.tasks import EXPLORATION
 from common.tours import cover
 from common.tours.sighting import Visibility
 
@@ -65,8 +68,9 @@ class OmniscientReference:
     """Drives the shortest route that it finds on the known map, under the same rules as every planner.
 
     Exploration: a set cover of viewpoints, an open tour through them, and simulated annealing on the exact length
-    until enough has been seen; tours are rehearsed in the grid simulator and the shortest complete one is taken. It
-    is near the optimum and no bound: another route may still be a little shorter. Navigation: the shortest path over
+    until enough has been seen; tours are rehearsed in the grid simulator, as are the routes of two planners that do
+    not know the map, and the shortest complete one is taken. It is near the optimum and no bound: another route may
+    still be a little shorter. Navigation: the shortest path over
     the viewpoints of the true map, exactly.
 
     Usage::
@@ -175,8 +179,23 @@ class OmniscientReference:
                 if rehearsal.complete and rehearsal.length < shortest:
                     best, shortest = rehearsal.legs, rehearsal.length
             if best:
-                return best
-        return self._extend(world, graph, sight, nodes, tolerance, seed)
+                break
+        # A robot that gets to know the world on its way has other viewpoints, which may be better ones.
+        for planner in (NearestPlanner(self._mapping), GreedyPlanner(self._mapping)):
+            rehearsal = self._planned(world, planner, seed)
+            if rehearsal.complete and rehearsal.length < shortest:
+                best, shortest = rehearsal.legs, rehearsal.length
+        return best or self._extend(world, graph, sight, nodes, tolerance, seed)
+
+    def _planned(self, world: GridMap, planner: Planner, seed: int) -> Rehearsal:
+        """Drive where a planner goes that does not know the map."""
+        planner.reset(EXPLORATION.name, None, seed)
+
+        def decide(moment: Moment) -> Leg:
+            plan = planner.plan(moment.mapper, moment.pose)
+            return [*plan.via, plan.waypoint] if plan.status is Status.GOING and plan.waypoint is not None else []
+
+        return self._drive(world, decide, seed, self._task.max_steps)
 
     def _tours(
         self, world: GridMap, graph: RouteGraph, sight: Visibility, unseen: NDArray[np.int64], tolerance: int
@@ -247,19 +266,33 @@ class OmniscientReference:
 
     def _rehearse(self, world: GridMap, legs: list[Leg], seed: int) -> Rehearsal:
         """Drive a route in the grid simulator, with the scans that an episode of this seed has."""
+        ahead = list(legs)
+
+        def decide(moment: Moment) -> Leg:
+            if not ahead:
+                return []
+            part, rest = known_part(moment.mapper, moment.pose.position, ahead.pop(0))
+            if rest:
+                ahead.insert(0, rest)
+            return part
+
+        return self._drive(world, decide, seed, None)
+
+    def _drive(self, world: GridMap, decide: Callable[[Moment], Leg], seed: int, most: int | None) -> Rehearsal:
+        """Drive legs, at most so many, until there is none or the task is complete."""
         driven: list[Leg] = []
         moment: Moment
 
         def places() -> Iterator[Position]:
             yield world.start
-            for leg in legs:
-                rest = leg
-                while rest:
-                    part, rest = known_part(moment.mapper, moment.pose.position, rest)
-                    driven.append([])
-                    for place in part:
-                        driven[-1].append(place)
-                        yield place
+            while most is None or len(driven) < most:
+                leg = decide(moment)
+                if not leg:
+                    return
+                driven.append([])
+                for place in leg:
+                    driven[-1].append(place)
+                    yield place
 
         for moment in follow(world, places(), self._mapping, self._simulator, seed=seed):
             unseen = moment.coverage.unseen_cells
