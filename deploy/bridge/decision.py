@@ -147,7 +147,7 @@ class DecisionLoop:
         self._checks.reset()
         self._unseen = None
         self._next, self._asked = now, None
-        if orders.phase is Phase.RETURNING and orders.home is not None:
+        if orders.purpose is Phase.RETURNING and orders.home is not None:
             self._supervisor.begin(orders.home, now)
             self.planners.go_to(orders.home)
             return

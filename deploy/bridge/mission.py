@@ -65,6 +65,11 @@ class Orders:
         """Whether the robot shall move."""
         return self.phase in MOVING
 
+    @property
+    def purpose(self) -> Phase:
+        """What the robot does, or goes on with after a pause."""
+        return self.paused if self.phase is Phase.PAUSED else self.phase
+
 
 class Mission:
     """Carries out commands on the orders; every method may be called from any thread and returns at once.

@@ -84,6 +84,23 @@ def test_a_target_that_cannot_be_reached_fails_after_several_checks():
     assert any(o.hold.startswith("check 4 of 5") for o in trial.outcomes)
 
 
+@pytest.mark.parametrize("commands", [["return_home", "pause"], ["return_home", "", "pause", "reset"]])
+def test_a_way_home_that_is_paused_goes_on_home(commands):
+    """It began anew, as for a new map, while the robot stood, and then explored on its way home."""
+    trial = started(ROOMS, decision={"planner": "nearest"})
+    assert trial.run(60, lambda o: o.pose is not None and o.pose.distance_to(ROOMS.start) > 4.0).orders.moving
+    for command in commands:
+        if command:
+            getattr(trial.mission, command)()
+        else:
+            trial.run(0.5)
+    trial.run(0.5)
+    trial.mission.resume()
+    last = trial.run(30, ended)
+    assert last.orders.phase is Phase.FINISHED
+    assert trial.pose.distance_to(ROOMS.start) <= 0.8
+
+
 def test_after_a_wait_a_planner_that_gave_up_its_target_begins_anew():
     """Planners leave out for good what they failed at; a box on the way stood there for a while only."""
 
