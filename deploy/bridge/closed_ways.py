@@ -6,9 +6,9 @@ and waits there for a while.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import inf
+from math import ceil, inf
 from typing import Final
 
 import numpy as np
@@ -17,12 +17,17 @@ from numpy.typing import NDArray
 from common.geometry import Pose
 from common.mapping.belief import Belief
 from common.mapping.mapper import Mapper
+from common.mapping.sight import OCCUPIED
 from common.planners.base import Plan, Position, Status
 from deploy.bridge.cell_way import cells_between, centre_of, flooded, nearest_way
 from deploy.bridge.unseen import Unseen, unseen_from
 
 # From so far, metres, the robot sees what closes a way, and whether it still does.
 _BEFORE: Final = 1.0
+# Frontiers so far, metres, beyond where something stands lie behind it: a door that was hardly looked through.
+_THROUGH: Final = 1.0
+# Ways to places that are nearer to each other, metres, are waited for once.
+_SAME: Final = 1.5
 # Of many pieces of space that were cut off no more are looked at in one decision.
 _MOST: Final = 16
 
@@ -41,7 +46,7 @@ class ClosedWays:
     Usage::
 
         ways.look(mapper)  # now and then
-        plan = ways.wait(mapper, place, target, now)  # when the planner says that nothing is left
+        plan = ways.wait(mapper, place, target, allows, now)  # when the planner says that nothing is left
     """
 
     def __init__(self, patience: float, radius: float) -> None:
@@ -73,13 +78,16 @@ class ClosedWays:
             self._first = first
         self._reached |= mapper.reachable_cells()
 
-    def wait(self, mapper: Mapper, place: Pose, target: Position | None, now: float) -> Plan | None:
+    def wait(
+        self, mapper: Mapper, place: Pose, target: Position | None, allows: Callable[[Plan], bool], now: float
+    ) -> Plan | None:
         """Go to where a way is closed, and wait there for it to open.
 
         Args:
             mapper: updated at the place.
             place: of the robot.
             target: of navigation, or None: of an exploration.
+            allows: whether a plan leads nowhere that is banned or fenced off; else the robot waits where it is.
             now: seconds.
 
         Returns:
@@ -87,16 +95,21 @@ class ClosedWays:
         """
         self.look(mapper)
         for beyond in self._cut_off(mapper):
-            if not (_holds(mapper, beyond, target) or unseen_from(mapper, self._radius, beyond)):
+            if not (_holds(mapper, beyond, target) or unseen_from(mapper, self._radius, beyond, _THROUGH)):
                 continue
             wait = self._wait_for(mapper, beyond)
             if now >= wait.until:
                 continue
-            if wait.until == inf:
-                corners = self._to_closing(mapper, place, beyond)
-                if corners and place.distance_to(corners[-1]) > _BEFORE:
-                    return Plan(Status.GOING, waypoint=corners[-1], via=corners[:-1], reason="to a way that was closed")
-                wait.until = now + self._patience
+            corners = self._to_closing(mapper, place, beyond)
+            if corners and place.distance_to(corners[-1]) > _BEFORE:
+                plan = Plan(
+                    Status.GOING, waypoint=corners[-1], via=corners[:-1], reason="to a way that something closes"
+                )
+                if allows(plan):
+                    # The time to wait begins there, also where something else stood in the way before.
+                    wait.until = inf
+                    return plan
+            wait.until = min(wait.until, now + self._patience)
             x, y = wait.beyond
             return Plan(
                 Status.STUCK,
@@ -107,27 +120,35 @@ class ClosedWays:
 
     def unseen(self, mapper: Mapper) -> Unseen | None:
         """Return the frontiers of the first space with some that something cuts off; None without any."""
-        found = (unseen_from(mapper, self._radius, beyond) for beyond in self._cut_off(mapper))
+        found = (unseen_from(mapper, self._radius, beyond, _THROUGH) for beyond in self._cut_off(mapper))
         return next((unseen for unseen in found if unseen is not None), None)
 
     def _cut_off(self, mapper: Mapper) -> Iterator[NDArray[np.bool_]]:
-        """Yield the pieces of space with room where the robot could get to, and cannot any more."""
+        """Yield the pieces of space where the robot could get to, and cannot any more for what stands there or before.
+
+        What lies beyond and has room belongs to a piece, wherever the robot could get to.
+        """
         if mapper.belief is not self._belief:
             return
-        room = mapper.room
-        left = self._reached & room & ~mapper.reachable_cells()
+        reachable, room = mapper.reachable_cells(), mapper.room
+        lost = self._reached & ~reachable
+        # Beside walls cells come and go with the noise of the map; those have neither room nor an obstacle on them.
+        left = lost & (room | (mapper.belief.padded == OCCUPIED))
+        passable = lost | (room & ~reachable)
         for _ in range(_MOST):
             first = int(left.argmax())
             if not left.reshape(-1)[first]:
                 return
-            piece = flooded(room, first)
+            piece = flooded(passable, first)
             left &= ~piece
             yield piece
 
     def _wait_for(self, mapper: Mapper, beyond: NDArray[np.bool_]) -> _Wait:
-        """Return the wait for a piece of space, a new one where there is none yet."""
+        """Return the wait for a piece of space, a new one where there is none near it yet: people move a little."""
+        span = ceil(_SAME / mapper.belief.resolution)
         for wait in self._waits:
-            if _holds(mapper, beyond, wait.beyond):
+            row, column = mapper.belief.cell(wait.beyond)
+            if beyond[max(row - span, 0) : max(row + span, 0), max(column - span, 0) : max(column + span, 0)].any():
                 return wait
         cells = np.flatnonzero(beyond & self._reached)
         self._waits.append(_Wait(centre_of(mapper, int(cells[len(cells) // 2]))))

@@ -208,7 +208,7 @@ class PlanSupervisor:
 
     def _wait_for_ways(self, mapper: Mapper, place: Pose, now: float) -> Plan | None:
         """Wait for ways that something closes, and go to look at them; None without any."""
-        plan = self._ways.wait(mapper, place, self.target, now)
+        plan = self._ways.wait(mapper, place, self.target, lambda plan: self.allows(plan, place, now), now)
         if plan is not None and plan.status is Status.STUCK:
             self._note_wait(now)
         return plan

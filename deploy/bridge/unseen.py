@@ -69,9 +69,12 @@ def find_unseen(mapper: Mapper, radius: float) -> Unseen | None:
     return unseen_from(mapper, radius, mapper.reachable_cells())
 
 
-def unseen_from(mapper: Mapper, radius: float, space: NDArray[np.bool_]) -> Unseen | None:
-    """Find the frontiers that border on some space, bool, shape of the belief's padded grid; see `find_unseen`."""
-    groups = _frontiers(mapper, radius, space)
+def unseen_from(mapper: Mapper, radius: float, space: NDArray[np.bool_], margin: float = 0.0) -> Unseen | None:
+    """Find the frontiers that border on some space, bool, shape of the belief's padded grid; see `find_unseen`.
+
+    A margin, metres, is how much farther from the space they may be.
+    """
+    groups = _frontiers(mapper, radius, space, margin)
     if not groups:
         return None
     size = mapper.belief.resolution
@@ -131,11 +134,12 @@ def go_to_unseen(mapper: Mapper, pose: Pose, radius: float, skip: Callable[[Posi
     return Plan(Status.GOING, waypoint=way[-1], via=way[:-1], beacon=way[-1], reason=_REASON)
 
 
-def _frontiers(mapper: Mapper, radius: float, space: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
+def _frontiers(mapper: Mapper, radius: float, space: NDArray[np.bool_], margin: float = 0.0) -> list[NDArray[np.int64]]:
     """Return the frontiers that border on some space: flat cells of the padded grid of each."""
     belief = mapper.belief
     width = belief.padded.shape[1]
-    steps = _steps_from(belief.padded.reshape(-1), width, np.flatnonzero(space.reshape(-1)), _reach(mapper, radius))
+    reach = _reach(mapper, radius + margin)
+    steps = _steps_from(belief.padded.reshape(-1), width, np.flatnonzero(space.reshape(-1)), reach)
     cells, starts = _groups(width, mapper.frontier_mask.reshape(-1) & (steps >= 0))
     groups = [cells[a:b] for a, b in pairwise(starts.tolist())]
     return [group for group in groups if len(group) * belief.resolution >= 2.0 * radius]
