@@ -128,9 +128,9 @@ def main(
 ) -> None:
     """Run simulated robots that collect experience for a learner.
 
-    Everything about the run comes from the learner, so an actor needs no more than its endpoint. Actors may start
-    before the learner, join and leave at any time, and continue while it is away. Ctrl-C ends them within
-    three seconds.
+    Everything about the run comes from the learner, so an actor needs no more than its endpoint. Actors join and
+    leave at any time, continue while the learner is away, and with --run wait for one that has not started yet.
+    Ctrl-C ends them within three seconds.
     """
     del version
     from actors.launching import compile_kernels

@@ -9,6 +9,7 @@ import platform
 import threading
 import time
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import zenoh
 
@@ -31,11 +32,18 @@ from common.network.parameters import parameter_shapes
 from common.system.printable import printable
 from common.system.threads import Ticker
 
+if TYPE_CHECKING:
+    from common.config import RunConfig
+
 log = logging.getLogger(__name__)
 
 POLL_SECONDS = 0.2
 FLUSH_SECONDS = 1.0
 STATS_SECONDS = 1.0
+# Sections by which only a learner works; the others, also those added later, decide what an actor collects.
+_LEARNERS = frozenset(
+    {"adam", "sac", "ppo", "contrastive", "replay", "learner", "checkpoints", "journal", "tracking", "bus"}
+)
 
 
 @dataclass(slots=True)
@@ -78,7 +86,7 @@ class Worker:
         self.stats: ActorStats | None = None
 
     def run(self) -> None:
-        """Act until told to stop; a learner that comes back with another configuration is begun with anew."""
+        """Act until told to stop; a learner that comes back and asks for other experience is begun with anew."""
         options = self.options
         with (
             open_client_session(options.bus, options.bus.connect or None) as session,
@@ -149,10 +157,10 @@ class Worker:
                 return self._work(session, spec, parts)
 
     def _work(self, session: zenoh.Session, spec: Spec, parts: _Parts) -> Spec | None:
-        """Run episodes until told to stop, or until a restarted learner has another configuration."""
+        """Run episodes until told to stop, or until a restarted learner asks for other experience."""
         while not self._stop.is_set():
             fresh = self._restarted_learner(session, parts)
-            if fresh is not None and fresh.config != spec.config:
+            if fresh is not None and not self._collects_the_same(spec, fresh):
                 log.warning(
                     "the learner of run %r was restarted with another configuration: starting over; %d messages "
                     "collected with the old one are dropped",
@@ -171,6 +179,13 @@ class Worker:
         self.state = "stopping"
         parts.sender.flush(FLUSH_SECONDS)
         return None
+
+    def _collects_the_same(self, before: Spec, after: Spec) -> bool:
+        """Tell whether two specifications ask for the same experience: a learner may move, or train for longer."""
+        if before.config == after.config:
+            return True
+        old, new = (self.options.accept(spec.config) for spec in (before, after))
+        return _of_actors(old) == _of_actors(new)
 
     def _restarted_learner(self, session: zenoh.Session, parts: _Parts) -> Spec | None:
         """Return the specification of a learner that was restarted since the last look, else None."""
@@ -239,6 +254,11 @@ class Worker:
         log.info(
             "version %d: %d of %d worlds complete, mean distance %.1f m", version, successes, driven, distance / driven
         )
+
+
+def _of_actors(config: RunConfig) -> tuple[dict[str, Any], bool, float]:
+    """Return what of a configuration an actor works by."""
+    return config.model_dump(exclude=set(_LEARNERS)), config.labelled, config.bus.ack_timeout
 
 
 class _Teller:

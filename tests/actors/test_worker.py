@@ -21,9 +21,9 @@ from tests.common.messages import samples
 class Running:
     """A worker in a thread."""
 
-    def __init__(self, endpoint, **options):
+    def __init__(self, *endpoints, **options):
         self.stop = threading.Event()
-        bus = BusConfig(connect=(endpoint,))
+        bus = BusConfig(connect=endpoints)
         self.worker = Worker(ActorOptions(**{"name": "desk-0", "run": "test", "bus": bus, **options}), self.stop)
         self.pool = ThreadPoolExecutor(1)
 
@@ -97,6 +97,17 @@ def test_a_held_actor_pauses(port):
             counted = len(learner.deliveries)
             learner.wait_for(lambda: False, timeout=1.0)
             assert len(learner.deliveries) == counted
+
+
+def test_a_learner_that_comes_back_elsewhere_to_train_for_longer_gets_what_was_collected(port):
+    other = free_port()
+    with Running(f"tcp/127.0.0.1:{port}", f"tcp/127.0.0.1:{other}"):
+        with LearnerEnd(port) as first:
+            assert first.wait_for(lambda: len(first.chunks()) >= 2)
+        with LearnerEnd(other, learner={"total_updates": 7}, checkpoints={"keep": 2}) as second:
+            assert second.wait_for(lambda: len(second.chunks()) >= 20)
+    assert {each.incarnation for each in second.deliveries} == {first.deliveries[0].incarnation}
+    assert {each.sequence for each in [*first.deliveries, *second.deliveries]} >= set(range(20))
 
 
 def test_a_learner_that_comes_back_is_served_again_and_a_new_configuration_taken(port):
