@@ -35,7 +35,7 @@ class FileLock(Closing):
             OSError: the file cannot be made or written, or not be read.
         """
         access = os.O_RDONLY if read_only else os.O_RDWR | os.O_CREAT
-        self._descriptor = os.open(path, access | os.O_CLOEXEC, 0o644)
+        self._descriptor = os.open(path, access | os.O_CLOEXEC, 0o666)
         try:
             fcntl.flock(self._descriptor, (fcntl.LOCK_SH if read_only else fcntl.LOCK_EX) | fcntl.LOCK_NB)
             if not read_only:

@@ -7,6 +7,7 @@ import json
 import logging
 import os
 import shutil
+import stat
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -206,6 +207,9 @@ class CheckpointStore:
             plain = {key: value.detach().cpu().contiguous().clone() for key, value in tensors.items()}
             save_file(plain, temporary / _TENSORS)
             (temporary / _DOCUMENT).write_text(to_json(document), "utf-8")
+            # safetensors makes its file for the owner alone, whatever the umask allows.
+            with contextlib.suppress(OSError):  # a file system without permissions
+                (temporary / _TENSORS).chmod(stat.S_IMODE((temporary / _DOCUMENT).stat().st_mode))
             files = {
                 path.name: {"bytes": path.stat().st_size, "sha256": file_digest(path)}
                 for path in sorted(temporary.iterdir())

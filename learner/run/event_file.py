@@ -59,7 +59,7 @@ class EventFile(Closing):
         self._length = 0
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+            self._descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o666)
         except OSError as error:
             raise StorageError(f"cannot write {self._path}: {error.strerror}; make room on the disk") from error
         self.add(Event(file_version="brain.Event:2"))

@@ -283,7 +283,7 @@ class Journal(Closing):
     def _open_segment(self) -> _Open:
         self._marker = new_marker()
         path = self._folder / segment_name(self._segment, self._marker)
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o644)
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o666)
         self._entries_changed = True
         return _Open(path, descriptor)
 

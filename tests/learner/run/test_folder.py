@@ -4,10 +4,15 @@ import subprocess
 import sys
 
 import pytest
+import torch
 
 from common.config import LearnerConfig, RunConfig
 from common.errors import CheckpointError
+from learner.run.checkpoints import CheckpointStore
+from learner.run.disk import DiskWatch
+from learner.run.event_file import EventFile
 from learner.run.folder import RunFolder, check_run
+from learner.run.journal import Journal
 
 
 def test_a_new_run_is_complete_and_comes_back(tmp_path):
@@ -19,6 +24,21 @@ def test_a_new_run_is_complete_and_comes_back(tmp_path):
         assert code["packages"]["torch"]
     with RunFolder.open(tmp_path, "office-1") as run:
         assert run.config == config
+
+
+def test_a_group_shares_a_run_as_far_as_the_umask_lets_it(tmp_path):
+    umask = os.umask(0o002)
+    try:
+        with RunFolder.create(tmp_path, RunConfig(name="a")) as run:
+            disk = DiskWatch(run.path)
+            CheckpointStore(run.checkpoints, keep=1).save(0, {"a": torch.zeros(2)}, {})
+            Journal(run.journal).close()
+            EventFile(run.tensorboard, disk).close()
+    finally:
+        os.umask(umask)
+    files = [path for path in run.path.rglob("*") if path.is_file()]
+    assert len(files) >= 8
+    assert {path.name: oct(path.stat().st_mode & 0o777) for path in files if path.stat().st_mode & 0o777 != 0o664} == {}
 
 
 def test_a_run_is_never_overwritten_without_being_told(tmp_path):
