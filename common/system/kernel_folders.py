@@ -54,8 +54,7 @@ def forget_old_caches() -> None:
 
 def is_prepared(package: str, use: str) -> bool:
     """Tell whether a use of a package's kernels was noted as prepared, for these sources and this kind of processor."""
-    # What a user's own folder holds may be of other sources.
-    if os.environ.get("NUMBA_CACHE_DIR"):
+    if _users_own_folder():
         return False
     try:
         return _note(package, use).exists()
@@ -70,8 +69,15 @@ def note_prepared(package: str, use: str) -> None:
         package: of the kernels.
         use: tells this use from others.
     """
+    if _users_own_folder():
+        return
     with contextlib.suppress(OSError):
         _note(package, use).touch()
+
+
+def _users_own_folder() -> bool:
+    """Whether kernels are kept where the user says: notes lie elsewhere, and it may hold those of other sources."""
+    return bool(os.environ.get("NUMBA_CACHE_DIR"))
 
 
 def _note(package: str, use: str) -> Path:

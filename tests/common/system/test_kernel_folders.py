@@ -35,6 +35,14 @@ def test_a_folder_of_the_users_own_may_hold_kernels_of_other_sources(tmp_path, m
     assert not is_prepared("actors", "width 64")
 
 
+def test_what_is_kept_in_a_folder_of_the_users_own_is_not_noted_elsewhere(tmp_path, monkeypatch):
+    forget_old_caches()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "own"))
+    note_prepared("actors", "width 64")
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    assert not is_prepared("actors", "width 64")
+
+
 @pytest.mark.parametrize("name", ["file", "x" * 300])
 def test_a_place_that_takes_no_note_is_prepared_each_time(home, monkeypatch, name):
     (home / "file").touch()
