@@ -11,6 +11,7 @@ import logging
 import os
 import shutil
 import threading
+from collections.abc import Iterable
 from pathlib import Path
 
 from common.errors import CheckpointError, HDError
@@ -146,6 +147,7 @@ def fetch_run(url: str, root: Path, name: str) -> Path:
                     (temporary / _CHECKPOINTS / checkpoint / part).write_bytes(
                         remote.get(f"{_CHECKPOINTS}/{checkpoint}/{part}")
                     )
+        _point(temporary / _CHECKPOINTS, checkpoints)
         newest = CheckpointStore(temporary / _CHECKPOINTS, keep=2).load_newest()
         _begin_journal(temporary / "journal", int(newest.document["ingest"]["segment"]))
         for file in temporary.rglob("*"):
@@ -156,6 +158,17 @@ def fetch_run(url: str, root: Path, name: str) -> Path:
         shutil.rmtree(temporary, ignore_errors=True)
     logger.info("fetched run %s from %s: continuing from checkpoint %s", name, url, newest.name)
     return path
+
+
+def _point(folder: Path, checkpoints: Iterable[str]) -> None:
+    """Write the pointers, which are not mirrored: a checkpoint may still be on its way when its pointer has changed."""
+    ordered = sorted(checkpoints)
+    for which, names in (
+        ("last", [name for name in ordered if name.isdigit()]),
+        ("best", [name for name in ordered if not name.isdigit()]),
+    ):
+        if names:
+            (folder / which).write_text(names[-1] + "\n", "utf-8")
 
 
 def _begin_journal(folder: Path, segment: int) -> None:

@@ -49,7 +49,7 @@ def train(trainer, deliveries, updates):
     trainer.checkpoint()
 
 
-def test_a_run_goes_on_on_another_machine_and_after_a_second_death_there(url, tmp_path):
+def test_a_run_goes_on_on_another_machine_and_after_a_second_death_there(url, tmp_path, caplog):
     config = small_config(checkpoints={"mirror": url, "keep": 2})
     made = episodes(8)
     here, there = tmp_path / "here", tmp_path / "there"
@@ -86,6 +86,7 @@ def test_a_run_goes_on_on_another_machine_and_after_a_second_death_there(url, tm
         trainer.close()
     with pytest.raises(CheckpointError, match="here already"):
         fetch_run(url, there, "test")
+    assert "damaged" not in caplog.text
 
 
 def test_training_goes_on_while_the_storage_is_away(tmp_path, monkeypatch, caplog):
