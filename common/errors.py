@@ -2,7 +2,20 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
+from typing import Final
+
+_REMEDIES: Final = {
+    errno.ENOSPC: "make room on the disk",
+    errno.EDQUOT: "make room on the disk",
+    errno.EACCES: "check its permissions",
+    errno.EPERM: "check its permissions",
+    errno.EROFS: "make it writable",
+    errno.EMFILE: "raise the limit of open files (ulimit -n)",
+    errno.ENFILE: "raise the system's limit of open files",
+    errno.EFBIG: "raise the limit on the size of files (ulimit -f)",
+}
 
 
 class HDError(Exception):
@@ -64,6 +77,11 @@ class StorageError(CheckpointError):
     def __init__(self, problem: str, needed: int = 0) -> None:
         super().__init__(problem)
         self.needed = needed
+
+
+def refusal(error: OSError) -> str:
+    """Return why the system refused to write, and what to do about it."""
+    return f"{error.strerror}; {_REMEDIES.get(error.errno or 0, 'check the disk')}"
 
 
 class SimulatorError(HDError):

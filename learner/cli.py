@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from common.cli import CommandApp, add_version, command_errors, completing, message_console
-from common.errors import ConfigError, StorageError
+from common.errors import ConfigError, StorageError, refusal
 from common.extensions import SIMULATORS
 from common.page.options import PageOption, PageSettings, TokenOption, page_settings, require_packages
 from common.presets import RUN_PRESETS, names_in
@@ -287,7 +287,7 @@ def _log_file(path: Path) -> Iterator[None]:
     try:
         handler = log_file(path)
     except OSError as error:
-        raise StorageError(f"cannot write {path}: {error.strerror}; make room on the disk") from error
+        raise StorageError(f"cannot write {path}: {refusal(error)}") from error
     logging.getLogger().addHandler(handler)
     try:
         yield

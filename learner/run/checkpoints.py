@@ -17,7 +17,7 @@ import torch
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
-from common.errors import CheckpointError, StorageError
+from common.errors import CheckpointError, StorageError, refusal
 from common.system.documents import read_json
 from learner.run.files import file_digest, make_folder, replace_text, sync_path, to_json
 
@@ -73,7 +73,7 @@ class CheckpointStore:
                 shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
             self.mend_pointers()
         except OSError as error:
-            raise StorageError(f"cannot prepare {folder}: {error.strerror}; make room on the disk") from error
+            raise StorageError(f"cannot prepare {folder}: {refusal(error)}") from error
 
     def names(self) -> list[str]:
         """Names of the training checkpoints, oldest first."""
@@ -227,9 +227,8 @@ class CheckpointStore:
             shutil.rmtree(temporary, ignore_errors=True)
             self._put_back(replaced)
             needed = 2 * sum(tensor.nbytes for tensor in tensors.values())
-            raise StorageError(
-                f"cannot write checkpoint {self.folder / name}: {error}; make room on the disk", needed
-            ) from error
+            reason = refusal(error) if isinstance(error, OSError) else f"{error}; make room on the disk"
+            raise StorageError(f"cannot write checkpoint {self.folder / name}: {reason}", needed) from error
         return target
 
     def _put_back(self, replaced: Path) -> None:
@@ -258,9 +257,7 @@ class CheckpointStore:
         try:
             replace_text(self.folder / which, name + "\n")
         except OSError as error:
-            raise StorageError(
-                f"cannot write {self.folder / which}: {error.strerror}; make room on the disk", len(name)
-            ) from error
+            raise StorageError(f"cannot write {self.folder / which}: {refusal(error)}", len(name)) from error
 
     def _remove(self, name: str) -> None:
         """Take a folder out of sight at one stroke, then delete it; what cannot be deleted goes at the next start."""

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
-from common.errors import StorageError
+from common.errors import StorageError, refusal
 from common.messages.experience import EpisodeReport
 from common.system.documents import parse_json
 from learner.run.disk import DiskWatch
@@ -105,7 +105,7 @@ class EpisodeLog:
             self._recall()
             self._descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC)
         except OSError as error:
-            raise StorageError(f"cannot write {path}: {error.strerror}; make room on the disk") from error
+            raise StorageError(f"cannot write {path}: {refusal(error)}") from error
         self._length = path.stat().st_size
 
     @property
@@ -147,7 +147,7 @@ class EpisodeLog:
             except OSError as error:
                 with contextlib.suppress(OSError):
                     os.ftruncate(self._descriptor, self._length)
-                problem = StorageError(f"cannot write {self._path}: {error.strerror}; make room on the disk", len(line))
+                problem = StorageError(f"cannot write {self._path}: {refusal(error)}", len(line))
                 self._disk.refused(problem)
                 raise problem from error
             self._length += len(line)
@@ -162,7 +162,7 @@ class EpisodeLog:
         try:
             sync_descriptor(self._descriptor)
         except OSError as error:
-            raise StorageError(f"cannot sync {self._path}: {error.strerror}; make room on the disk") from error
+            raise StorageError(f"cannot sync {self._path}: {refusal(error)}") from error
 
     def means(self, group: Group) -> EpisodeMeans | None:
         """Means over the late episodes of a group, None before the first."""

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from tensorboard.compat.proto.event_pb2 import Event
 
-from common.errors import StorageError
+from common.errors import StorageError, refusal
 from common.system.closing import Closing
 from learner.run.crc32c import masked_crc32c
 from learner.run.disk import DiskWatch
@@ -61,7 +61,7 @@ class EventFile(Closing):
             folder.mkdir(parents=True, exist_ok=True)
             self._descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o666)
         except OSError as error:
-            raise StorageError(f"cannot write {self._path}: {error.strerror}; make room on the disk") from error
+            raise StorageError(f"cannot write {self._path}: {refusal(error)}") from error
         self.add(Event(file_version="brain.Event:2"))
 
     def add(self, event: Event) -> None:
@@ -81,7 +81,7 @@ class EventFile(Closing):
             # The first record opens the file, and must not go.
             while len(self._waiting) > 1 and sum(map(len, self._waiting)) > MAX_WAITING:
                 del self._waiting[1]
-            problem = f"cannot write {self._path}: {error.strerror}; make room on the disk"
+            problem = f"cannot write {self._path}: {refusal(error)}"
             self._disk.refused(StorageError(problem, len(data)))
             return
         self._length += len(data)
@@ -92,7 +92,7 @@ class EventFile(Closing):
         try:
             sync_descriptor(self._descriptor)
         except OSError as error:
-            self._disk.refused(StorageError(f"cannot sync {self._path}: {error.strerror}; make room on the disk"))
+            self._disk.refused(StorageError(f"cannot sync {self._path}: {refusal(error)}"))
 
     def close(self) -> None:
         """Write what waits and close; safe to call twice."""

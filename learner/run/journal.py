@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from common.errors import CheckpointError, StorageError
+from common.errors import CheckpointError, StorageError, refusal
 from common.system.closing import Closing
 from learner.run.disk import DiskWatch
 from learner.run.files import DAMAGED, make_folder, remove_leftovers, sync_descriptor, sync_path, write_all
@@ -110,7 +110,7 @@ class Journal(Closing):
             self._segment = existing[-1] + 1 if existing else 1
             self._open = self._open_segment()
         except OSError as error:
-            raise StorageError(f"cannot open the journal {folder}: {error.strerror}; make room on the disk") from error
+            raise StorageError(f"cannot open the journal {folder}: {refusal(error)}") from error
         self._size = 0
 
     @property
@@ -162,7 +162,10 @@ class Journal(Closing):
                 if self._failed:
                     self._write_again()
                 number = self._number
-                current = os.dup(self._open.descriptor)
+                try:
+                    current = os.dup(self._open.descriptor)
+                except OSError as error:  # too many open files, which may pass
+                    raise self._refused("sync", error, 0) from error
                 finished, self._finished = self._finished, []
                 entries, self._entries_changed = self._entries_changed, False
             try:
@@ -288,9 +291,7 @@ class Journal(Closing):
         return _Open(path, descriptor)
 
     def _refused(self, verb: str, error: OSError, needed: int) -> StorageError:
-        problem = StorageError(
-            f"cannot {verb} the journal {self._folder}: {error.strerror}; make room on the disk", needed
-        )
+        problem = StorageError(f"cannot {verb} the journal {self._folder}: {refusal(error)}", needed)
         self._disk.refused(problem)
         return problem
 

@@ -1,3 +1,4 @@
+import errno
 import os
 import signal
 import struct
@@ -7,6 +8,7 @@ import textwrap
 import threading
 import time
 import zlib
+from unittest.mock import Mock
 
 import pytest
 from hypothesis import given, settings
@@ -352,6 +354,21 @@ def test_who_waits_for_a_disk_that_refuses_is_told_and_the_sync_is_tried_again(t
         wait_until(lambda: not journal.unsynced)
         commit.when_synced(told.append)
         wait_until(lambda: told == [False, True])
+
+
+def test_messages_are_told_again_once_files_may_be_opened_again(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr("learner.run.group_commit.RETRY_SECONDS", 0.05)
+    with Journal(tmp_path) as journal, GroupCommit(journal, interval=0.01) as commit:
+        told = []
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "dup", Mock(side_effect=OSError(errno.EMFILE, "Too many open files")))
+            journal.append(RecordKind.DELIVERY, b"x")
+            commit.when_synced(told.append)
+            wait_until(lambda: told == [False])
+        wait_until(lambda: not journal.unsynced)
+        commit.when_synced(told.append)
+        wait_until(lambda: told == [False, True])
+    assert "raise the limit of open files" in caplog.text
 
 
 def test_an_error_of_one_that_waits_does_not_reach_the_others(tmp_path, caplog):
