@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from common.ids import check_id
 from common.system.closing import Closing
 from common.system.code_state import code_state, commit_of
 from common.system.file_lock import FileLock
+from common.system.runtime import cores_left
 
 log = logging.getLogger(__name__)
 
@@ -183,7 +183,7 @@ class Evaluation(Closing):
                 log.warning("planner %s: %d episodes were run at commit %s", planner, self.done(planner), made)
         try:
             if waiting:
-                self._work(waiting, min(jobs or os.cpu_count() or 1, len(waiting)), watch, warn)
+                self._work(waiting, min(jobs or cores_left(0), len(waiting)), watch, warn)
             elif warn is not None:
                 self._warn(warn)
         finally:

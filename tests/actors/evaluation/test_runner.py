@@ -100,6 +100,17 @@ def test_other_settings_do_not_mix(done):
         Evaluation(settings(seed=1), ["greedy"], out)
 
 
+def test_one_process_a_core_counts_the_cores_that_are_there_for_this_process(tmp_path, monkeypatch):
+    """A container or a job of a scheduler has few of its machine's cores."""
+    workers = []
+    monkeypatch.setattr(os, "cpu_count", lambda: 64)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: {0}, raising=False)
+    monkeypatch.setattr(Evaluation, "_work", lambda self, waiting, count, watch, warn: workers.append(count))
+    with Evaluation(settings(), ["greedy"], tmp_path) as evaluation:
+        evaluation.run(0)
+    assert workers == [1]
+
+
 def test_a_label_names_a_planner_in_its_results(tmp_path, done):
     with Evaluation(settings(), ["greedy"], tmp_path, label="mine") as evaluation:
         evaluation.run(1)
