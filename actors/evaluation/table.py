@@ -82,8 +82,8 @@ def notes(found: Sequence[Results], baseline: str | None) -> list[str]:
         )
     if any(results.planner == "hdplanner" for results in found):
         lines.append(
-            "hdplanner: with the rule that ends cycles and the guard that hands over to a classical planner in worlds "
-            "unlike its training; hdplanner-bare: the network alone."
+            "hdplanner: with the rule that ends cycles and, for the shipped policies, the guard that hands over to a "
+            "classical planner in worlds unlike their training; hdplanner-bare: the network alone."
         )
     commits = list(dict.fromkeys(results.commit for results in found))
     lines.append(f"Commit {'; '.join(commits)}; seed {', '.join(sorted({str(results.seed) for results in found}))}.")

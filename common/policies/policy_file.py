@@ -9,6 +9,7 @@ import contextlib
 import functools
 import hashlib
 import json
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -228,6 +229,12 @@ def _read(path: Path) -> tuple[PolicyCard, bytes]:
             text = read_text(where)
         values = parse_json(text)
     except FileNotFoundError as error:
+        # A path has one slash left of the two of a URL.
+        if re.match(r"[a-z0-9+]{2,}:/", str(path)):
+            raise CheckpointError(
+                f"cannot read the policy {path}: it has to lie on this machine: fetch it from there, with its card "
+                f"{card_path(path).name}"
+            ) from None
         raise CheckpointError(
             f"cannot read the policy {path} with its card: there is no file {error.filename}: check the path, and keep "
             "weights and card together"

@@ -126,6 +126,11 @@ def test_a_broken_file_is_reported(tmp_path, text):
         load_config(tmp_path / "absent.toml")
 
 
+def test_a_text_in_place_of_a_list_of_settings_is_explained():
+    with pytest.raises(ConfigError, match=r"expected a list.*write \['learner.batch_size=8'\]"):
+        load_config(overrides="learner.batch_size=8")
+
+
 def test_unknown_preset_lists_the_known_ones():
     with pytest.raises(ConfigError, match="workstation"):
         load_config(preset="mainframe")

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 """Policies whose files are not what they should be: one sentence that names the file, what is wrong and what to do."""
 
 import hashlib
@@ -34,6 +36,13 @@ def change_card(path, change):
 def write_weights(path, data):
     path.write_bytes(data)
     change_card(path, lambda card: card.update(sha256=hashlib.sha256(data).hexdigest()))
+
+
+def test_a_policy_at_a_url_is_to_be_fetched_first():
+    with pytest.raises(
+        CheckpointError, match=r"has to lie on this machine: fetch it from there, with its card office.json"
+    ):
+        read_policy(Path("s3://bucket/office.safetensors"))
 
 
 @pytest.mark.parametrize(
