@@ -1,10 +1,9 @@
-from pathlib import Path
-
 """Policies whose files are not what they should be: one sentence that names the file, what is wrong and what to do."""
 
 import hashlib
 import json
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
