@@ -78,9 +78,7 @@ class ConfigTree(Generic[M]):
         tree: dict[str, Any] = {}
         origin: dict[str, str] = {}
         if isinstance(overrides, str):
-            raise ConfigError(
-                f"settings: expected a list of section.field=value, got the text {overrides!r}: [{overrides!r}]"
-            )
+            raise ConfigError(f"settings: expected a list of texts, got the text {overrides!r}: write [{overrides!r}]")
         if preset is not None:
             self._merge(tree, self._read_preset(preset), origin, f"{self.preset_word} {preset}")
         if file is not None:
