@@ -64,6 +64,7 @@ BANNED: Final = Colour("#c2185b", "#ff6fa3")
 ROBOT: Final = Colour("#14783c", "#3fcf73")
 WAY: Final = Colour("#3566b8", "#7ea6e0")
 SCAN: Final = Colour("#7b3fb5", "#c59bf2")
+PERSON: Final = Colour("#e8a33d", "#f0b45c")
 ATTENTION: Final = Colour("#7b3fb5", "#c59bf2")
 
 # Curves: training behind, evaluation before it, what it is compared with.

@@ -213,7 +213,7 @@ class DynamicSimulator:
                 f"map {world.name!r}: the robot left the floor at ({pose.x:.2f}, {pose.y:.2f}): height {height:.2f} m, "
                 f"tilt {math.degrees(tilt):.0f} degrees; reset the episode, and lower simulator.speed if it returns"
             )
-        if robot.touches(self.physics.walls):
+        if robot.touches((*self.physics.walls, *self.physics.pillars)):
             if self._time - self._last_contact > _CONTACT_GAP:
                 self._collisions += 1
             self._last_contact = self._time

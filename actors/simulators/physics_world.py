@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from actors.maps.grid_map import GridMap
@@ -16,6 +18,7 @@ WALL_GROUP, FLOOR_GROUP = 2, 64
 # PyBullet takes at most 131,072 vertices per shape.
 _QUADS_PER_MESH = 32_000
 _LOWEST_WALL, _BELOW_FLOOR = 0.6, -0.1
+_PILLAR_COLOUR = (0.85, 0.55, 0.20, 1.0)
 _WALL_COLOUR, _TOP_COLOUR, _FLOOR_COLOUR = (0.80, 0.78, 0.74, 1.0), (0.42, 0.45, 0.50, 1.0), (0.90, 0.91, 0.92, 1.0)
 
 
@@ -25,6 +28,7 @@ class PhysicsWorld:
     Attributes:
         client: PyBullet's client number of the server.
         walls: body numbers of the walls; one but for maps with more than 32,000 wall faces.
+        pillars: body numbers of what moves about, see `add_pillars`.
         floor: body number of the floor, an infinite plane at z = 0.
         visible: whether the world has colours to look at.
     """
@@ -51,6 +55,8 @@ class PhysicsWorld:
         self.client = connect(gui)
         self._open = True
         self.walls: tuple[int, ...] = ()
+        self.pillars: tuple[int, ...] = ()
+        self._pillar_middle = 0.0
         self.floor = -1
         if gui:
             pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0, physicsClientId=self.client)
@@ -71,10 +77,32 @@ class PhysicsWorld:
             fixedTimeStep=TIME_STEP, deterministicOverlappingPairs=1, physicsClientId=client
         )
         self.walls = self._walls(world)
+        self.pillars = ()
         self.floor = self._floor(world)
         if self.visible:
             self._show_tops(world)
         self._drawing(True)
+
+    def add_pillars(self, positions: Sequence[tuple[float, float]], radius: float, height: float) -> None:
+        """Put round pillars on the floor, metres; the lidar sees them as walls, and `move_pillars` moves them."""
+        client = self.client
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_CYLINDER, radius=radius, height=height, physicsClientId=client
+        )
+        look = -1
+        if self.visible:
+            look = pybullet.createVisualShape(
+                pybullet.GEOM_CYLINDER, radius=radius, length=height, rgbaColor=_PILLAR_COLOUR, physicsClientId=client
+            )
+        self.pillars = tuple(self._static_body(shape, look) for _ in positions)
+        self._pillar_middle = 0.5 * height
+        self.move_pillars(positions)
+
+    def move_pillars(self, positions: Sequence[tuple[float, float]]) -> None:
+        """Set the pillars somewhere else, metres, each by its number; nothing stops them."""
+        for body, (x, y) in zip(self.pillars, positions, strict=True):
+            place = (x, y, self._pillar_middle)
+            pybullet.resetBasePositionAndOrientation(body, place, (0.0, 0.0, 0.0, 1.0), physicsClientId=self.client)
 
     def close(self) -> None:
         """Shut the physics server down; safe to call twice."""

@@ -91,6 +91,7 @@ def robot(
     ] = None,
     rays: Annotated[int, typer.Option(help="Beams of a turn.")] = defaults.RAYS,
     scan_rate: Annotated[float, typer.Option(help="Scans per second, Hz.")] = defaults.SCAN_RATE,
+    people: Annotated[int, typer.Option(help="People who walk about; they stop before the robot.")] = 0,
     odometry_rate: Annotated[float, typer.Option(help="Odometry messages per second, Hz.")] = defaults.ODOMETRY_RATE,
     map_rate: Annotated[float, typer.Option(help="Grids of its own mapping per second, Hz.")] = defaults.MAP_RATE,
     range_noise: Annotated[float, typer.Option(help="Standard deviation of ranges, m.")] = 0.0,
@@ -135,6 +136,7 @@ def robot(
             "layers": layers,
             "rays": rays,
             "scan_rate": scan_rate,
+            "people": people,
             "odometry_rate": odometry_rate,
             "map_rate": map_rate,
             "range_noise": range_noise,
@@ -169,6 +171,7 @@ def demo(
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter of robot and bridge.")
     ] = None,
     speed_factor: Annotated[float, typer.Option(help="Times faster than real time.")] = 1.0,
+    people: Annotated[int, typer.Option(help="People who walk about; they stop before the robot.")] = 0,
     range_noise: Annotated[float, typer.Option(help="Standard deviation of ranges, m.")] = 0.02,
     limit: Annotated[
         float | None, typer.Option(help="End after so many seconds of the robot. [default: ample for the world]")
@@ -201,6 +204,7 @@ def demo(
             "metres_per_pixel": metres_per_pixel,
             "seed": seed,
             "speed_factor": speed_factor,
+            "people": people,
             "range_noise": range_noise,
         }
     )

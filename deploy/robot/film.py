@@ -18,6 +18,7 @@ from common import palette
 from common.geometry import Pose
 from common.mapping.belief import Belief
 from common.planners.base import Position
+from deploy.robot.people import RADIUS
 from deploy.robot.simulation import Grid
 
 STRIP = 22
@@ -28,6 +29,7 @@ MOST_PICTURES = 900
 """A minute and a half of video; of longer deployments moments are left out evenly."""
 MARGIN = 0.5
 _ROUTE, _PLAN, _BEACON = palette.WAY.rgb, palette.WAYPOINT.rgb, palette.BEACON.rgb
+_PERSON = palette.PERSON.rgb
 _ROBOT, _TEXT = palette.ROBOT.rgb, palette.TEXT.rgb
 
 
@@ -70,6 +72,7 @@ class Shot:
         path: waypoint and route beyond it, metres.
         beacon: chosen beacon, metres.
         words: what to write above.
+        people: who walk about, metres.
     """
 
     time: float
@@ -78,6 +81,7 @@ class Shot:
     path: tuple[Position, ...]
     beacon: Position | None
     words: str
+    people: tuple[Position, ...] = ()
 
 
 def frames(
@@ -154,6 +158,10 @@ class _Camera:
         if shot.beacon is not None and shot.path:
             x, y = self._at(shot.beacon)
             pen.polygon([(x, y - 6), (x - 5, y + 4), (x + 5, y + 4)], fill=_BEACON)
+        radius = RADIUS / self._world.resolution * self._scale
+        for person in shot.people:
+            x, y = self._at(person)
+            pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=_PERSON, outline=_TEXT)
         if self._target is not None:
             x, y = self._at(self._target)
             pen.ellipse((x - 6, y - 6, x + 6, y + 6), outline=_BEACON, width=3)

@@ -127,6 +127,7 @@ class RobotInterface:
     def _truth_text(self, moment: Moment, speed: float) -> str:
         robot = self._robot
         target = robot.world.target
+        people = [] if robot.people is None else robot.people.positions
         return json.dumps(
             {
                 "time": round(moment.time, 4),
@@ -138,6 +139,7 @@ class RobotInterface:
                 "distance": round(robot.distance, 3),
                 "collisions": robot.collisions,
                 "refused_commands": robot.base.refused,
+                "people": [[round(x, 3), round(y, 3)] for x, y in people],
                 "target": None if target is None else [round(target[0], 3), round(target[1], 3)],
                 "real_time_factor": round(speed, 3),
             }

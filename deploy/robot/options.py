@@ -11,6 +11,8 @@ from deploy.config import DrivingConfig, NonNegative
 from deploy.network_config import TopicsConfig
 from deploy.robot import defaults
 
+MOST_PEOPLE = 200
+
 
 class RobotOptions(Section):
     """Options of `hd-deploy robot`; topics and frames are those of the bridge's `DeployConfig`."""
@@ -46,6 +48,8 @@ class RobotOptions(Section):
     """Odometry messages and transforms per second, Hz."""
     map_rate: Annotated[float, Field(gt=0.0, le=10.0)] = defaults.MAP_RATE
     """Grids of the robot's own mapping per second, Hz."""
+    people: Annotated[int, Field(ge=0, le=MOST_PEOPLE)] = 0
+    """People who walk about, pillars of 0.25 m radius to the lidar; they stop before the robot."""
     range_noise: NonNegative = 0.0
     """Standard deviation of the ranges, metres."""
     odometry_drift: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0

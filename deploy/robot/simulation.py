@@ -22,6 +22,7 @@ from deploy.robot.drive_base import DriveBase
 from deploy.robot.follower import WaypointFollower
 from deploy.robot.odometry import Odometry, compose, correction, relative
 from deploy.robot.options import RobotOptions
+from deploy.robot.people import HEIGHT, RADIUS, People
 from deploy.robot.slam import RobotSlam
 
 if TYPE_CHECKING:
@@ -98,6 +99,9 @@ class SimulatedRobot(Closing):
         self.follower = WaypointFollower(config.driving) if options.follows(config.driving) else None
         self._steps = 0
         self._truth = self._simulator.reset(self.world, options.seed)
+        self.people = People(self.world, options.people, options.seed) if options.people else None
+        if self.people is not None:
+            self._simulator.physics.add_pillars(self.people.positions, RADIUS, HEIGHT)
         self._odometry = Odometry(self._truth, options.odometry_drift, options.seed)
         self._slam = (
             RobotSlam(self.world, config.mapping.resolution, config.mapping.sensor_range, options.rays)
@@ -126,7 +130,7 @@ class SimulatedRobot(Closing):
 
     @property
     def collisions(self) -> int:
-        """Contacts with walls that began since the start."""
+        """Contacts with walls and people that began since the start."""
         return self._simulator.collisions
 
     @property
@@ -149,6 +153,9 @@ class SimulatedRobot(Closing):
             period = 1.0 / self._config.driving.rate
             command = self.follower.command(before, self.base.commanded, self._obstacles, period, now)
             self.base.receive(*command, now, time)
+        if self.people is not None:
+            self.people.step(self.interval, before.position)
+            self._simulator.physics.move_pillars(self.people.positions)
         truth = self._simulator.advance(*self.base.advance(now, time, self.interval))
         self._steps += 1
         self._truth = truth
@@ -180,8 +187,10 @@ class SimulatedRobot(Closing):
 
     def _scan(self, truth: Pose) -> Scan:
         scan = dataclasses.replace(self._simulator.scan(), range_min=RANGE_MIN)
-        if self._slam is not None:
+        if self._slam is not None and self.people is None:
             self._slam.look(truth)
+        elif self._slam is not None:
+            self._slam.take(scan, truth)
         angles = truth.yaw + scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
         met = np.isfinite(scan.ranges)
         ranges = scan.ranges[met].astype(np.float64)

@@ -35,7 +35,11 @@ class RobotSlam:
             world.free, world.resolution, *world.origin, pose.x, pose.y, self._angles + pose.yaw, self._range
         )
         step = float(self._angles[1] - self._angles[0])
-        self._belief.integrate(Scan(ranges, float(self._angles[0]), step, self._range), pose)
+        self.take(Scan(ranges, float(self._angles[0]), step, self._range), pose)
+
+    def take(self, scan: Scan, pose: Pose) -> None:
+        """Take in what the lidar has measured from a pose: what no map has is seen by it alone."""
+        self._belief.integrate(scan, pose)
 
     def grid(self) -> tuple[NDArray[np.int8], float, tuple[float, float]]:
         """Return the cells (-1, 0, 100; row 0 at the bottom), their size (metres) and the lower left corner."""

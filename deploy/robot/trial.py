@@ -48,7 +48,7 @@ class Verdict:
         to_target: distance to the target at the end, metres; None in exploration.
         distance: travelled, metres.
         seconds: of the robot, from the first status of the running task to the end.
-        collisions: contacts with walls.
+        collisions: contacts with walls and people.
         decision_p95: seconds.
         real_time_factor: seconds of the robot per second at the end.
     """
@@ -190,8 +190,9 @@ class Trial:
             f"{self._coverage.explored:.1%} explored   {status['state']}"
         )
         pose = Pose(truth["x"], truth["y"], truth["yaw"])
+        people = tuple((x, y) for x, y in truth["people"])
         packed = None if belief is None else PackedGrid.of(belief)
-        shot = Shot(truth["time"], pose, packed, tuple(deployment.path()), deployment.beacon(), words)
+        shot = Shot(truth["time"], pose, packed, tuple(deployment.path()), deployment.beacon(), words, people)
         self.shots.append(shot)
         return shot
 
