@@ -22,7 +22,7 @@ RADIUS: Final = 0.25
 HEIGHT: Final = 1.7
 """Of a person, metres."""
 # Room that people keep to walls, to the robot and to one another beyond their own size, metres.
-_FROM_WALL, _FROM_ROBOT, _FROM_OTHERS = 0.05, 0.6, 0.35
+_FROM_WALL, _FROM_ROBOT, _FROM_OTHERS = 0.05, 1.0, 0.35
 _SPEEDS: Final = (0.6, 1.3)
 _STAY: Final = 8.0
 """Mean time at a place, seconds."""
