@@ -26,6 +26,8 @@ from deploy.safety.progress import ProgressMonitor
 
 # A place banned so often is out of reach for good.
 _HOPELESS: Final = 2
+# A robot that has nothing left but banned places tries them so often in the time of a ban.
+_TRIES: Final = 6
 # Places nearer to each other than this count as one where they are banned, metres: robots come to a place so exactly.
 _SAME_PLACE: Final = 0.5
 # A frontier that is left when the robot has come so near, metres, shows no more.
@@ -50,6 +52,7 @@ class PlanSupervisor:
         self._blacklist = Blacklist(safety, min(_SAME_PLACE, mapping.viewpoint_spacing / 2.0))
         self._progress = ProgressMonitor(safety)
         self._progress_time = safety.progress_time
+        self._blacklist_time = safety.blacklist_time
         self._loops = LoopDetector()
         self._spacing = mapping.viewpoint_spacing
         self._radius = mapping.robot_radius
@@ -201,8 +204,12 @@ class PlanSupervisor:
         young = [ban for ban in self._blacklist.active(now) if ban.failures < _HOPELESS]
         if not young:
             return None
-        first = min(young, key=lambda ban: ban.until)
-        wait = first.until - now
+        # With nothing else to do the robot looks in between whether who stood there has gone.
+        after = self._blacklist_time / _TRIES
+        first = min(young, key=lambda ban: min(ban.until, ban.began + after))
+        wait = max(min(first.until, first.began + after) - now, 0.0)
+        if not wait:
+            self._blacklist.lift(first, now)
         self._note_wait(now)
         return Plan(Status.STUCK, reason=f"every way is blocked ({first.reason}); tries again in {wait:.0f} s")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, inf
 from typing import Final
 
 from deploy.config import Point, SafetyConfig
@@ -22,12 +22,16 @@ class Ban:
         reason: why it is here.
         failures: how often it could not be reached.
         until: time at which the ban ends, seconds of the caller's clock.
+        began: time at which it was banned last.
+        lifted: time at which the ban would have ended that was lifted before.
     """
 
     position: Point
     reason: str
     failures: int
     until: float
+    began: float = 0.0
+    lifted: float = -inf
 
 
 class Blacklist:
@@ -44,14 +48,17 @@ class Blacklist:
         self._bans: list[Ban] = []
 
     def add(self, position: Point, reason: str, now: float) -> Ban:
-        """Ban a place from now on."""
+        """Ban a place from now on; one whose ban was lifted early until that would have ended, as the same failure."""
         self._forget(now)
         ban = self._nearest(position)
         if ban is None:
             ban = Ban(position, reason, 0, now)
             self._bans.append(ban)
+        ban.reason, ban.began = reason, now
+        if ban.lifted > now:
+            ban.until = ban.lifted
+            return ban
         ban.failures += 1
-        ban.reason = reason
         ban.until = now + self._seconds * min(2.0 ** (ban.failures - 1), _LONGEST)
         return ban
 
@@ -62,6 +69,11 @@ class Blacklist:
     def active(self, now: float) -> list[Ban]:
         """All bans of this moment."""
         return [ban for ban in self._bans if ban.until > now]
+
+    def lift(self, ban: Ban, now: float) -> None:
+        """Let the robot try again before a ban has ended."""
+        ban.lifted = max(ban.lifted, ban.until)
+        ban.until = now
 
     def clear(self) -> None:
         """Forget everything."""
@@ -77,4 +89,4 @@ class Blacklist:
         )
 
     def _forget(self, now: float) -> None:
-        self._bans = [ban for ban in self._bans if ban.until + _MEMORY * self._seconds > now]
+        self._bans = [ban for ban in self._bans if max(ban.until, ban.lifted) + _MEMORY * self._seconds > now]

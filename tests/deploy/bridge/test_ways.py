@@ -76,7 +76,6 @@ def test_what_the_robot_cannot_get_to_for_bans_is_waited_for_and_no_end():
         trial.loop.report_blocked("somebody stands in the door")
         trial.tick()
     assert held is not None
-    assert held.bans
     assert "somebody stands in the door" in held.hold
     last = trial.run(300, ended)
     assert last.orders.phase is Phase.FINISHED
@@ -251,3 +250,22 @@ def test_the_causes_of_standing_still():
     assert found.cause is Cause.LEFT_UNSEEN
     assert found.unseen is not None
     assert "m of frontier at the edge of what the robot can reach" in found.text
+
+
+def test_a_robot_with_nothing_left_but_a_banned_door_looks_soon_whether_it_is_open():
+    """Who stands in a door is gone long before a ban is over; the robot stood in an empty building for it."""
+    trial = narrow_trial(4.0, safety={"blacklist_time": 120.0})
+
+    def through_door(outcome):
+        return outcome.course is not None and outcome.course.waypoint[0] > 8.5 and outcome.pose.x < 7.5
+
+    for _ in range(12):
+        if not through_door(trial.run(100, lambda o: through_door(o) or "tries again" in o.hold)):
+            break
+        trial.loop.report_blocked("somebody stands in the door")
+        trial.tick()
+    began = trial.now
+    last = trial.run(300, ended)
+    assert last.orders.phase is Phase.FINISHED
+    assert last.mapper.explored_area > 120.0
+    assert trial.now - began < 80.0

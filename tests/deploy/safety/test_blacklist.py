@@ -26,6 +26,17 @@ def test_every_failure_doubles_the_time_up_to_eight_times():
     assert times == [100.0, 200.0, 400.0, 800.0, 800.0, 800.0]
 
 
+def test_a_ban_that_is_lifted_early_comes_back_as_it_was_if_the_place_fails_in_its_time():
+    blacklist = make()
+    ban = blacklist.add(DOOR, "blocked", 0.0)
+    blacklist.lift(ban, 20.0)
+    assert blacklist.banned(DOOR, 20.0) is None
+    again = blacklist.add(DOOR, "blocked", 30.0)
+    assert (again.failures, again.began, again.until) == (1, 30.0, 100.0)
+    blacklist.lift(again, 50.0)
+    assert blacklist.add(DOOR, "blocked", 110.0).failures == 2
+
+
 def test_old_failures_are_forgotten():
     blacklist = make()
     blacklist.add(DOOR, "blocked", 0.0)
