@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from actors.evaluation.annealing import anneal, drive
-from actors.evaluation.retrace import Moment, follow
+from actors.evaluation.rehearsal import Leg, Rehearsals, known_part
 from actors.evaluation.route_graph import RouteGraph
 from actors.expert.visibility import fill_words, look_from_all
 from actors.maps.grid_map import GridMap
@@ -22,11 +19,10 @@ from common.errors import MapError
 from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.mapping.viewpoints import LONGEST_EDGE
-from common.planners.base import Plan, Planner, Position, Status, TaskName
+from common.planners.base import Plan, Position, Status, TaskName
 from common.planners.exploration.greedy import GreedyPlanner
 from common.planners.exploration.nearest import NearestPlanner
 from common.planners.viewpoint_planner import TOLERANCE
-from common.tasks import EXPLORATION
 from common.tours import cover
 from common.tours.sighting import Visibility
 
@@ -43,25 +39,6 @@ HOTTEST, COLDEST = 8.0, 0.3
 CELL_PENALTIES = (0.02, 0.2, 2.0)
 NEAR_NODES = 16
 _NO_STOPS: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
-# The way of one edge: its corners and its end, metres.
-Leg = list[Position]
-
-
-@dataclass(frozen=True, slots=True)
-class Rehearsal:
-    """What came of driving a route in the grid simulator.
-
-    Attributes:
-        legs: what was driven, decision by decision; the task was complete at the end of it, or the route ended.
-        complete: the task was complete.
-        length: metres.
-        unseen: cells of the true map that are still unseen.
-    """
-
-    legs: list[Leg]
-    complete: bool
-    length: float
-    unseen: NDArray[np.int64]
 
 
 class OmniscientReference:
@@ -70,8 +47,7 @@ class OmniscientReference:
     Exploration: a set cover of viewpoints, an open tour through them, and simulated annealing on the exact length
     until enough has been seen; tours are rehearsed in the grid simulator, as are the routes of two planners that do
     not know the map, and the shortest complete one is taken. It is near the optimum and no bound: another route may
-    still be a little shorter. Navigation: the shortest path over
-    the viewpoints of the true map, exactly.
+    still be a little shorter. Navigation: the shortest path over the viewpoints of the true map, exactly.
 
     Usage::
 
@@ -96,7 +72,8 @@ class OmniscientReference:
         """
         self._mapping = mapping
         self._task = task
-        self._simulator = simulator.model_copy(update={"name": "grid"})
+        self._simulator = simulator
+        self._rehearsals = Rehearsals(mapping, task, simulator)
         self._iterations = iterations
         self._route: list[Leg] = []
         self._ahead: list[Leg] = []
@@ -166,7 +143,7 @@ class OmniscientReference:
         reach = self._mapping.sensor_range / world.resolution
         sight = look_from_all(world.free, graph.points, reach, self._simulator.rays)
         tolerance = int(self._task.unseen_area / world.resolution**2 + 1e-6)
-        unseen = self._rehearse(world, [], seed).unseen
+        unseen = self._rehearsals.of_route(world, [], seed).unseen
         if len(unseen) <= tolerance:
             return []
         best: list[Leg] = []
@@ -175,27 +152,17 @@ class OmniscientReference:
         for margin in MARGINS:
             for stops in self._tours(world, graph, sight, unseen, max(tolerance - margin, 0)):
                 nodes = graph.route(stops)
-                rehearsal = self._rehearse(world, graph.legs(nodes), seed)
+                rehearsal = self._rehearsals.of_route(world, graph.legs(nodes), seed)
                 if rehearsal.complete and rehearsal.length < shortest:
                     best, shortest = rehearsal.legs, rehearsal.length
             if best:
                 break
         # A robot that gets to know the world on its way has other viewpoints, which may be better ones.
         for planner in (NearestPlanner(self._mapping), GreedyPlanner(self._mapping)):
-            rehearsal = self._planned(world, planner, seed)
+            rehearsal = self._rehearsals.of_planner(world, planner, seed)
             if rehearsal.complete and rehearsal.length < shortest:
                 best, shortest = rehearsal.legs, rehearsal.length
         return best or self._extend(world, graph, sight, nodes, tolerance, seed)
-
-    def _planned(self, world: GridMap, planner: Planner, seed: int) -> Rehearsal:
-        """Drive where a planner goes that does not know the map."""
-        planner.reset(EXPLORATION.name, None, seed)
-
-        def decide(moment: Moment) -> Leg:
-            plan = planner.plan(moment.mapper, moment.pose)
-            return [*plan.via, plan.waypoint] if plan.status is Status.GOING and plan.waypoint is not None else []
-
-        return self._drive(world, decide, seed, self._task.max_steps)
 
     def _tours(
         self, world: GridMap, graph: RouteGraph, sight: Visibility, unseen: NDArray[np.int64], tolerance: int
@@ -247,7 +214,7 @@ class OmniscientReference:
         """Go on from the end of a route to viewpoints that still show something, as long as there are any."""
         missing = np.zeros(sight.tiles, dtype=np.uint64)
         while True:
-            rehearsal = self._rehearse(world, graph.legs(nodes), seed)
+            rehearsal = self._rehearsals.of_route(world, graph.legs(nodes), seed)
             if rehearsal.complete:
                 return rehearsal.legs
             fill_words(rehearsal.unseen, world.free.shape[1], missing)
@@ -263,82 +230,6 @@ class OmniscientReference:
                 log.warning("map %r: %d cells cannot be seen from any viewpoint", world.name, len(rehearsal.unseen))
                 return rehearsal.legs
             nodes = [*nodes, *graph.route_from(at, stops.tolist())]
-
-    def _rehearse(self, world: GridMap, legs: list[Leg], seed: int) -> Rehearsal:
-        """Drive a route in the grid simulator, with the scans that an episode of this seed has."""
-        ahead = list(legs)
-
-        def decide(moment: Moment) -> Leg:
-            if not ahead:
-                return []
-            part, rest = known_part(moment.mapper, moment.pose.position, ahead.pop(0))
-            if rest:
-                ahead.insert(0, rest)
-            return part
-
-        return self._drive(world, decide, seed, None)
-
-    def _drive(self, world: GridMap, decide: Callable[[Moment], Leg], seed: int, most: int | None) -> Rehearsal:
-        """Drive legs, at most so many, until there is none or the task is complete."""
-        driven: list[Leg] = []
-        moment: Moment
-
-        def places() -> Iterator[Position]:
-            yield world.start
-            while most is None or len(driven) < most:
-                leg = decide(moment)
-                if not leg:
-                    return
-                driven.append([])
-                for place in leg:
-                    driven[-1].append(place)
-                    yield place
-
-        for moment in follow(world, places(), self._mapping, self._simulator, seed=seed):
-            unseen = moment.coverage.unseen_cells
-            if not (moment.known and moment.clear):
-                log.debug("map %r: the way to %s is not known to be free", world.name, driven[-1][-1])
-                return Rehearsal(driven[:-1], False, moment.distance, unseen)
-            if moment.coverage.unseen_area <= self._task.unseen_area + 1e-9:
-                return Rehearsal(driven, True, moment.distance, unseen)
-        return Rehearsal(driven, False, moment.distance, unseen)
-
-
-def known_part(mapper: Mapper, here: Position, leg: Leg) -> tuple[Leg, Leg]:
-    """Part a leg into what the robot knows to be free, one decision, and what is left of it.
-
-    What lies behind a corner is seldom known before the robot is there. Where not even the way to the first corner is
-    known, the robot drives as far as it knows it to be free and looks again.
-
-    Args:
-        mapper: updated where the robot is.
-        here: where the robot is, metres.
-        leg: corners and end of a way that truly is free.
-
-    Returns:
-        Where to drive now, at least one position, and what is left, both in metres.
-    """
-    known = 0
-    for a, b in pairwise([here, *leg]):
-        if not mapper.segment_free(a, b):
-            break
-        known += 1
-    if known:
-        return leg[:known], leg[known:]
-    x, y = leg[0][0] - here[0], leg[0][1] - here[1]
-    cells = int(np.hypot(x, y) / mapper.belief.resolution)
-    free, blocked = 0, cells + 1
-    while blocked - free > 1:
-        middle = (free + blocked) // 2
-        share = middle / (cells + 1)
-        if mapper.segment_free(here, (here[0] + share * x, here[1] + share * y)):
-            free = middle
-        else:
-            blocked = middle
-    if not free:
-        return leg[:1], leg[1:]
-    share = free / (cells + 1)
-    return [(here[0] + share * x, here[1] + share * y)], leg
 
 
 def _near_nodes(graph: RouteGraph) -> NDArray[np.int64]:

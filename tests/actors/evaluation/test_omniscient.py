@@ -6,7 +6,8 @@ import pytest
 
 from actors.environment import Environment
 from actors.evaluation.episode import run_episode
-from actors.evaluation.omniscient import OmniscientReference, known_part
+from actors.evaluation.omniscient import OmniscientReference
+from actors.evaluation.rehearsal import known_part
 from actors.evaluation.route_graph import RouteGraph
 from actors.maps.generators import make_generator
 from actors.maps.grid_map import GridMap
