@@ -77,7 +77,8 @@ class BeliefWriter:
             regions.append((0, rows - 1, 0, columns - 1))
         else:
             if changed is not None:
-                regions.append(_clipped(changed, self._reach, rows, columns))
+                # Whether a cell is a rim depends on obstacles around the places from where the robot would cover it.
+                regions.append(_clipped(changed, 2 * self._reach, rows, columns))
             if self._robot_box is not None:
                 regions.append(self._robot_box)
         self._closing = closing
