@@ -113,6 +113,24 @@ def test_the_belief_is_always_the_map_but_for_rims_and_where_the_robot_stands(se
         assert belief.known_cells == np.count_nonzero(belief.cells != UNKNOWN)
 
 
+@pytest.mark.parametrize(("wall", "door"), [(0.2, 0.8), (0.3, 0.9), (1.0, 1.0)])
+def test_a_door_seen_from_the_side_is_worth_a_look(wall, door):
+    """Of what is behind a door in a thick wall, nothing shows from along the wall."""
+    resolution = 0.05
+    free = np.zeros((120, 160), dtype=bool)
+    free[20:70, 20:140] = True
+    end = 70 + round(wall / resolution)
+    first = 100
+    free[70:end, first : first + round(door / resolution)] = True
+    free[end:110, 80:140] = True
+    robot_map = RobotMap(configure(mapping={"resolution": 0.1, "robot_radius": 0.3, "viewpoint_spacing": 2.0}))
+    see(robot_map, free, Pose(1.5, 2.5), 0.0, resolution=resolution)
+    mapper = robot_map.refresh()
+    doorway = (mapper.frontiers[:, 1] > 3.3) & (mapper.frontiers[:, 0] > 4.5)
+    assert doorway.any()
+    assert (mapper.observe().utility > 0).any()
+
+
 @pytest.mark.parametrize("place", [(0.76, 5.0), (0.62, 0.62), (3.2, 3.3)])
 def test_a_robot_beside_a_wall_or_inside_an_obstacle_is_not_stuck(place):
     """The last place lies behind the face of a pillar, as when the localisation is off by a little."""
