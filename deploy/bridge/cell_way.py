@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -50,11 +51,23 @@ def cells_between(mapper: Mapper, start: Position, passable: NDArray[np.bool_], 
     return trail[::-1]
 
 
-def flooded(passable: NDArray[np.bool_], start: int) -> NDArray[np.bool_]:
-    """Return the cells of a padded grid that are joined with one, given flat; bool, shape of the grid."""
-    nowhere = np.zeros(passable.size, dtype=np.bool_)
-    before: NDArray[np.int32] = _flood(passable.reshape(-1), passable.shape[1], start, nowhere)[1]
-    return (before >= 0).reshape(passable.shape)
+def pieces(passable: NDArray[np.bool_], seeds: NDArray[np.bool_], most: int) -> Iterator[NDArray[np.bool_]]:
+    """Yield the largest pieces of a padded grid that hold a seed, in the order of their first seeds.
+
+    Args:
+        passable: cells of pieces, bool, shape of the grid; no diagonal step leads between two others.
+        seeds: some of them, likewise.
+        most: pieces to yield.
+
+    Yields:
+        bool, shape of the grid.
+    """
+    cells, starts = _pieces(passable.reshape(-1), passable.shape[1], seeds.reshape(-1))
+    sizes = np.diff(starts)
+    for k in np.sort(np.argsort(-sizes, kind="stable")[:most]).tolist():
+        piece = np.zeros(passable.shape, dtype=np.bool_)
+        piece.reshape(-1)[cells[starts[k] : starts[k + 1]]] = True
+        yield piece
 
 
 def centre_of(mapper: Mapper, cell: int) -> Position:
@@ -94,6 +107,38 @@ def _flood(
             queue[tail] = there
             tail += 1
     return -1, before
+
+
+@njit(cache=True, nogil=True)
+def _pieces(
+    passable: NDArray[np.bool_], width: int, seeds: NDArray[np.bool_]
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Return the flat cells of each piece with a seed, one piece behind the other, and the first of each, then all."""
+    left = passable.copy()
+    queue = np.empty(len(passable), dtype=np.int32)
+    starts = [np.int64(0)]
+    head = tail = 0
+    for seed in range(len(passable)):
+        if not (seeds[seed] and left[seed]):
+            continue
+        left[seed] = False
+        queue[tail] = seed
+        tail += 1
+        while head < tail:
+            here = queue[head]
+            head += 1
+            for k in range(8):
+                dx, dy = _STEPS[k]
+                there = here + dy * width + dx
+                if not left[there]:
+                    continue
+                if k >= 4 and not (passable[here + dx] and passable[here + dy * width]):
+                    continue
+                left[there] = False
+                queue[tail] = there
+                tail += 1
+        starts.append(np.int64(tail))
+    return queue[:tail].copy(), np.array(starts)
 
 
 def _pulled_straight(mapper: Mapper, start: Position, places: list[Position]) -> list[Position]:

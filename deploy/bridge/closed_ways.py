@@ -1,14 +1,15 @@
 """Ways that were free and that something closes by now: a person in a corridor, a door behind which more is to be seen.
 
 What appears may go away again. So before a task ends for want of a way, the robot goes to where such a way is closed,
-and waits there for a while.
+and waits there for a while. Where many are closed, or a map that has slipped looks as if they were, it does not wait
+for each as long: all waits in a row together take less than twice the time of the first.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import ceil, inf
+from math import ceil, hypot, inf
 from typing import Final
 
 import numpy as np
@@ -19,7 +20,7 @@ from common.mapping.belief import Belief
 from common.mapping.mapper import Mapper
 from common.mapping.sight import OCCUPIED
 from common.planners.base import Plan, Position, Status
-from deploy.bridge.cell_way import cells_between, centre_of, flooded, nearest_way
+from deploy.bridge.cell_way import cells_between, centre_of, nearest_way, pieces
 from deploy.bridge.unseen import Unseen, unseen_from
 
 # From so far, metres, the robot sees what closes a way, and whether it still does.
@@ -28,16 +29,28 @@ _BEFORE: Final = 1.0
 _THROUGH: Final = 1.0
 # Ways to places that are nearer to each other, metres, are waited for once.
 _SAME: Final = 1.5
-# Of many pieces of space that were cut off no more are looked at in one decision.
+# Of many pieces of space that were cut off no more are looked at in one decision, the largest: people and chairs leave
+# many small ones.
 _MOST: Final = 16
+# A way has opened where the robot can get to so much more floor, square metres, than it ever could.
+_OPENED: Final = 1.0
+# Between two times that it is asked what to do it stood for no longer, seconds: it may have gone on meanwhile.
+_LONGEST: Final = 5.0
 
 
 @dataclass(slots=True)
 class _Wait:
-    """For how long the robot waits for the way to a place, metres, seconds; infinite while it was not there to look."""
+    """For how long the robot waits for the way to a place.
+
+    Attributes:
+        beyond: the place, metres.
+        until: when it gives up, seconds; infinite while it was not there to look.
+        stood: where it stood when that was set, metres.
+    """
 
     beyond: Position
     until: float = inf
+    stood: Position = (0.0, 0.0)
 
 
 class ClosedWays:
@@ -50,24 +63,36 @@ class ClosedWays:
     """
 
     def __init__(self, patience: float, radius: float) -> None:
-        """Know of none; wait so many seconds before each closed way, for a robot of this radius, metres."""
+        """Know of none; wait so many seconds before the first closed way, for a robot of this radius, metres."""
         self._patience = patience
         self._radius = radius
-        self.clear()
-
-    def clear(self) -> None:
-        """Forget everything."""
         self._belief: Belief | None = None
         self._first = (0, 0)
         self._reached: NDArray[np.bool_] = np.zeros((2, 2), dtype=np.bool_)
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget all waits. Where the robot could get to stays known as long as the map: it may be told to go there."""
         self._waits: list[_Wait] = []
+        # For how long it has stood since a way opened, when it last did, and how many cells it could get to then.
+        self._stood = 0.0
+        self._last: float | None = None
+        self._cells = 0
+
+    def go_on(self, now: float) -> None:
+        """Count the time since the robot last waited as none, because it was told to pause."""
+        if self._last is not None:
+            for wait in self._waits:
+                if wait.until > self._last:
+                    wait.until += now - self._last
+            self._last = now
 
     def look(self, mapper: Mapper) -> None:
         """Note where the robot can get to; the mapper is not stuck."""
         belief = mapper.belief
         shape, first = belief.padded.shape, belief.first_cell
         if belief is not self._belief:
-            self.clear()
+            self.begin()
             self._belief, self._first, self._reached = belief, first, np.zeros(shape, dtype=np.bool_)
         if shape != self._reached.shape or first != self._first:
             # Beliefs grow, and their cells keep their numbers from the anchor.
@@ -94,6 +119,7 @@ class ClosedWays:
             None where there is no such way, or all were waited for.
         """
         self.look(mapper)
+        self._count(mapper, now)
         for beyond in self._cut_off(mapper):
             if not (_holds(mapper, beyond, target) or unseen_from(mapper, self._radius, beyond, _THROUGH)):
                 continue
@@ -107,9 +133,13 @@ class ClosedWays:
                 )
                 if allows(plan):
                     # The time to wait begins there, also where something else stood in the way before.
-                    wait.until = inf
+                    if hypot(corners[-1][0] - wait.stood[0], corners[-1][1] - wait.stood[1]) > _BEFORE + _SAME:
+                        wait.until = inf
                     return plan
-            wait.until = min(wait.until, now + self._patience)
+            if wait.until == inf:
+                # Half of what is left of twice the patience.
+                wait.until, wait.stood = now + max(self._patience - self._stood / 2.0, 0.0), place.position
+            self._last = now
             x, y = wait.beyond
             return Plan(
                 Status.STUCK,
@@ -117,6 +147,16 @@ class ClosedWays:
                 f"{wait.until - now:.0f} s for it to open",
             )
         return None
+
+    def _count(self, mapper: Mapper, now: float) -> None:
+        """Count the time that the robot has stood before closed ways, and begin anew where one has opened."""
+        if self._last is not None:
+            self._stood += min(now - self._last, _LONGEST)
+            self._last = None
+        cells = int(np.count_nonzero(self._reached))
+        if cells - self._cells > _OPENED / mapper.belief.resolution**2:
+            self._cells = cells
+            self._stood = 0.0
 
     def unseen(self, mapper: Mapper) -> Unseen | None:
         """Return the frontiers of the first space with some that something cuts off; None without any."""
@@ -135,13 +175,7 @@ class ClosedWays:
         # Beside walls cells come and go with the noise of the map; those have neither room nor an obstacle on them.
         left = lost & (room | (mapper.belief.padded == OCCUPIED))
         passable = lost | (room & ~reachable)
-        for _ in range(_MOST):
-            first = int(left.argmax())
-            if not left.reshape(-1)[first]:
-                return
-            piece = flooded(passable, first)
-            left &= ~piece
-            yield piece
+        yield from pieces(passable, left, _MOST)
 
     def _wait_for(self, mapper: Mapper, beyond: NDArray[np.bool_]) -> _Wait:
         """Return the wait for a piece of space, a new one where there is none near it yet: people move a little."""

@@ -69,7 +69,7 @@ class PlanSupervisor:
         """Begin an episode: forget everything."""
         self.target = target
         self._blacklist.clear()
-        self._ways.clear()
+        self._ways.begin()
         self._next_look = now
         self._waited = False
         self._visited.clear()
@@ -79,8 +79,9 @@ class PlanSupervisor:
         self._progress.reset(now)
 
     def wait(self, now: float) -> None:
-        """Count no time of standing by command as time without progress."""
+        """Count no time of standing by command as time without progress, or of waiting for a way to open."""
         self._progress.reset(now)
+        self._ways.go_on(now)
 
     def bans(self, now: float) -> tuple[Position, ...]:
         """Return the places that are left alone now."""
