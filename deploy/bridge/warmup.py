@@ -14,6 +14,7 @@ from common.mapping.raycast import cast_rays, ray_angles
 from common.mapping.warmup import warm_up as warm_up_mapping
 from common.planners.base import Planner, TaskName, with_deputies
 from common.tasks import find_task
+from deploy.bridge.cell_way import pieces
 from deploy.bridge.unseen import find_unseen, go_to_unseen
 from deploy.bridge.way_out import way_out
 from deploy.config import DeployConfig
@@ -90,6 +91,8 @@ def warm_up(config: DeployConfig, planners: list[tuple[Planner, TaskName]]) -> N
             if not mapper.stuck:
                 find_unseen(mapper, config.mapping.robot_radius)
                 go_to_unseen(mapper, pose, config.mapping.robot_radius, lambda _: False)
+                # As where somebody closes a way.
+                list(pieces(mapper.room, mapper.room, 1))
             # Beside the wall the way out is looked for.
             beside = Pose(x, 2.0 * cell + 0.1)
             mapper.update(beside)
