@@ -7,7 +7,6 @@ from math import hypot
 from typing import Final
 
 import numpy as np
-from scipy import ndimage
 
 from actors.maps.grid_map import GridMap
 from common.errors import MapError
@@ -16,6 +15,7 @@ from common.mapping.raycast import SUBCELLS
 from common.mapping.sight import OCCUPIED
 from common.planners.base import Position
 from common.planners.navigation.cell_path import cell_path
+from common.system.extras import optional
 
 RADIUS: Final = 0.25
 """Of a person, metres."""
@@ -57,7 +57,12 @@ class People:
 
         Raises:
             MapError: the world has no room for a person.
+            ConfigError: scipy is not installed.
         """
+        # It takes a while to import, and most robots are alone.
+        with optional("a robot among people", "plots"):
+            from scipy import ndimage
+
         self._world = world
         self._rng = np.random.default_rng([seed, 7])
         room = ndimage.distance_transform_edt(np.pad(world.free, 1))[1:-1, 1:-1] * world.resolution
