@@ -200,10 +200,14 @@ class Place:
 
 
 def work() -> Iterator[tuple[tuple[Training, int] | None, list[Place]]]:
-    """Yield what is to be done: each training with its seed, and the rows that need it; first rows without any."""
+    """Yield what is to be done: each training with its seed, and the rows that need it.
+
+    First come the rows without any, then the first seed of all trainings, then the other seeds: those of the paper's
+    own variants before those of what they are compared with.
+    """
     places = [Place(table, row) for table in TABLES for row in table.rows]
     yield from ((None, [place]) for place in places if place.row.training is None)
-    for seed in SEEDS:
-        for training in TRAININGS:
-            needs = (training.name, seed)
-            yield (training, seed), [place for place in places if (place.row.training, place.row.seed) == needs]
+    trainings = [(training, seed) for seed in SEEDS for training in TRAININGS]
+    for training, seed in sorted(trainings, key=lambda each: each[1] > 0 and each[0].label not in _VARIANTS):
+        needs = (training.name, seed)
+        yield (training, seed), [place for place in places if (place.row.training, place.row.seed) == needs]

@@ -11,8 +11,6 @@ from deploy.config import DrivingConfig, NonNegative
 from deploy.network_config import TopicsConfig
 from deploy.robot import defaults
 
-MOST_PEOPLE = 200
-
 
 class RobotOptions(Section):
     """Options of `hd-deploy robot`; topics and frames are those of the bridge's `DeployConfig`."""
@@ -48,7 +46,7 @@ class RobotOptions(Section):
     """Odometry messages and transforms per second, Hz."""
     map_rate: Annotated[float, Field(gt=0.0, le=10.0)] = defaults.MAP_RATE
     """Grids of the robot's own mapping per second, Hz."""
-    people: Annotated[int, Field(ge=0, le=MOST_PEOPLE)] = 0
+    people: Annotated[int, Field(ge=0, le=200)] = 0
     """People who walk about, pillars of 0.25 m radius to the lidar; they stop before the robot."""
     range_noise: NonNegative = 0.0
     """Standard deviation of the ranges, metres."""

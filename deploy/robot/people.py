@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import hypot
+from math import dist
 from typing import Final
 
 import numpy as np
@@ -15,6 +15,7 @@ from common.mapping.raycast import SUBCELLS
 from common.mapping.sight import OCCUPIED
 from common.planners.base import Position
 from common.planners.navigation.cell_path import cell_path
+from common.planners.navigation.following import along
 from common.system.extras import optional
 
 RADIUS: Final = 0.25
@@ -102,7 +103,8 @@ class People:
                 self._walk(number, person, seconds, robot)
 
     def _walk(self, number: int, person: _Person, seconds: float, robot: Position) -> None:
-        ahead = _along(person.position, person.way[0], person.speed * seconds)
+        goal, step = person.way[0], person.speed * seconds
+        ahead = goal if dist(person.position, goal) <= step else along(person.position, goal, step)
         # Two who meet must not both wait: who came first goes on, unless the other stands.
         others = [
             (other.position, _FROM_OTHERS + 2.0 * RADIUS)
@@ -116,7 +118,7 @@ class People:
             return
         person.waited = 0.0
         person.position = ahead
-        if ahead == person.way[0]:
+        if ahead == goal:
             person.way.pop(0)
             if not person.way:
                 person.stays = float(self._rng.exponential(_STAY))
@@ -144,15 +146,7 @@ class People:
         return x + (column + 0.5) * self._world.resolution, y + (row + 0.5) * self._world.resolution
 
 
-def _along(start: Position, goal: Position, metres: float) -> Position:
-    gap = hypot(goal[0] - start[0], goal[1] - start[1])
-    if gap <= metres:
-        return goal
-    part = metres / gap
-    return start[0] + part * (goal[0] - start[0]), start[1] + part * (goal[1] - start[1])
-
-
 def _nears(here: Position, ahead: Position, other: Position, room: float) -> bool:
     """Whether a step leads nearer to another one than the room between them has to be."""
-    gap = hypot(ahead[0] - other[0], ahead[1] - other[1])
-    return gap < room and gap < hypot(here[0] - other[0], here[1] - other[1])
+    gap = dist(ahead, other)
+    return gap < room and gap < dist(here, other)

@@ -120,6 +120,9 @@ def test_everything_that_is_planned_can_be_begun(tmp_path):
         assert config.task.name == training.task
     steps = [needs for needs, _ in work()]
     assert steps.index((TRAININGS[0], 1)) > max(k for k, needs in enumerate(steps) if needs is None or needs[1] == 0)
+    ours = {"hdplanner", "hierarchical", "vanilla"}
+    further = [needs[0].label in ours for needs in steps if needs is not None and needs[1] > 0]
+    assert further == sorted(further, reverse=True)
     planned = [place for _, places in work() for place in places]
     assert sorted(map(repr, planned)) == sorted(repr(Place(table, row)) for table in TABLES for row in table.rows)
 
