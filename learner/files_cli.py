@@ -85,6 +85,7 @@ def plot(
     ] = None,
     over: Annotated[str, typer.Option("--over", help="minutes or updates; updates exclude pauses.")] = "minutes",
     window: Annotated[int, typer.Option("--window", help="Episodes behind a point of training.", min=1)] = 50,
+    by_family: Annotated[bool, typer.Option("--by-family", help="One curve for each family of worlds.")] = False,
     runs: RunsFolder = RUNS,
 ) -> None:
     """Draw the learning curve of a run: distance and success over time. Works while the learner runs.
@@ -93,12 +94,17 @@ def plot(
     - `hd-learner plot --run office --line greedy=261 --line expert=204 --out curve.png`
 
     - `hd-learner plot --run office --over updates --window 200`
+
+    - `hd-learner plot --run mix --by-family` draws the families of a mix beside one another.
     """
     from common.config import RunConfig
     from learner.watch.plot import plot_run
 
     if over not in ("minutes", "updates"):
         raise ConfigError(f"--over: expected minutes or updates, got {over!r}")
+
+    if by_family and line:
+        raise ConfigError("--line is a distance in worlds of one kind: leave it out with --by-family")
 
     name = run or RunConfig().name
     path = out or Path(f"{name}.png")
@@ -108,6 +114,7 @@ def plot(
         dict(map(_yardstick, line or [])),
         over="updates" if over == "updates" else "minutes",
         window=window,
+        by_family=by_family,
     )
     newest = f", newest {curve.distance[-1]:.1f} m, {curve.success[-1]:.0%} complete" if len(curve.minutes) else ""
     typer.echo(f"{path}: {len(curve.minutes)} evaluations{newest}")

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import ceil, sqrt
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from common import palette
 from common.errors import CheckpointError, ConfigError
 from common.system.extras import optional
 from learner.run.episodes import read_episodes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 TRAINING_WINDOW = 50
 LEAST_WINDOW = 10
@@ -52,12 +56,114 @@ def read_curves(episodes: Path, window: int = TRAINING_WINDOW) -> tuple[Curve, C
     Raises:
         CheckpointError: the file is missing or has no episode.
     """
+    rows = _read(episodes)
+    return _curves(rows, float(rows[0]["time"]), window)
+
+
+def read_family_curves(episodes: Path, window: int = TRAINING_WINDOW) -> dict[str, tuple[Curve, Curve]]:
+    """Return the curves of training and of evaluation of each family of worlds, by its name.
+
+    Raises:
+        CheckpointError: the file is missing or has no episode.
+    """
+    rows = _read(episodes)
+    families: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    for row in rows:
+        # Records of releases before there were families have none.
+        families[row.get("family", "worlds")].append(row)
+    return {name: _curves(families[name], float(rows[0]["time"]), window) for name in sorted(families)}
+
+
+def plot_run(
+    folder: Path,
+    out: Path,
+    lines: Mapping[str, float],
+    *,
+    over: Over = "minutes",
+    window: int = TRAINING_WINDOW,
+    by_family: bool = False,
+) -> Curve:
+    """Draw distance and success over time or updates, and return the curve of evaluation.
+
+    Args:
+        folder: of the run.
+        out: picture to write; its ending decides the format.
+        lines: yardsticks by name, metres, drawn across the picture of the distance.
+        over: what the curves run over; updates leave out the pauses of a run that was resumed.
+        window: episodes behind each point of training.
+        by_family: one picture for each family of worlds, beside one another.
+
+    Raises:
+        CheckpointError: the run has no finished episode.
+        ConfigError: matplotlib is not installed, or does not know the format.
+    """
+    with optional("a plot", "plots"):
+        from matplotlib.figure import Figure
+
+    episodes = folder / "episodes.jsonl"
+    whole = read_curves(episodes, window)
+    panels = read_family_curves(episodes, window) if by_family else {f"run {folder.name}": whole}
+    columns = ceil(sqrt(len(panels)))
+    rows = ceil(len(panels) / columns)
+    width, height = (8.0, 5.6) if len(panels) == 1 else (4.2 * columns, 3.6 * rows)
+    figure = Figure(figsize=(width, height), layout="constrained")
+    places = figure.subfigures(rows, columns, squeeze=False).reshape(-1)
+    for place, (title, curves) in zip(places, panels.items(), strict=False):
+        above, below = place.subplots(2, 1, sharex=True, height_ratios=[2, 1])
+        above.set_title(title)
+        _draw(above, below, *curves, over)
+        _draw_lines(above, lines)
+        if place is places[0]:
+            above.set_ylabel("distance per episode (m)")
+            below.set_ylabel("completed (%)")
+            above.legend(loc="best", frameon=False)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        figure.savefig(out, dpi=110)
+    except ValueError as error:
+        raise ConfigError(f"cannot write {out}: {error}") from error
+    return whole[1]
+
+
+def _draw(above: Axes, below: Axes, training: Curve, evaluation: Curve, over: Over) -> None:
+    """Draw one pair of curves: the distance above, what was completed below."""
+    for curve, style in (
+        (training, {"color": palette.CURVE_BEHIND.light, "label": "training, sampled actions"}),
+        (
+            evaluation,
+            {"color": palette.CURVE.light, "label": "validation worlds, greedy", "marker": "o", "markersize": 3},
+        ),
+    ):
+        along = curve.minutes if over == "minutes" else curve.updates
+        if len(along):
+            above.plot(along, curve.distance, **style)
+            below.plot(along, 100.0 * curve.success, **style)
+    above.set_ylim(bottom=0.0)
+    below.set_ylim(-3, 103)
+    below.set_xlabel(_OVER[over])
+    for axes in (above, below):
+        axes.grid(alpha=0.3)
+
+
+def _draw_lines(axes: Axes, lines: Mapping[str, float]) -> None:
+    """Draw yardsticks across a picture of the distance."""
+    for i, (name, metres) in enumerate(lines.items()):
+        axes.axhline(metres, color=palette.YARDSTICK.light, linestyle=["--", ":", "-."][i % 3], linewidth=1.0)
+        axes.annotate(
+            f"{name} {metres:.0f} m", (1.0, metres), xycoords=("axes fraction", "data"), ha="right", va="bottom"
+        )
+
+
+def _read(episodes: Path) -> list[dict[str, Any]]:
     if not episodes.is_file():
         raise CheckpointError(f"{episodes} does not exist: name a run that has begun with --run")
     rows = [values for values, _ in read_episodes(episodes)]
     if not rows:
         raise CheckpointError(f"{episodes} has no finished episode yet: wait for the first")
-    began = float(rows[0]["time"])
+    return rows
+
+
+def _curves(rows: list[dict[str, Any]], began: float, window: int) -> tuple[Curve, Curve]:
     training = [row for row in rows if row["role"] == "train" and row["driver"] == "policy"]
     points = [
         _point(training[max(0, i + 1 - window) : i + 1], began)
@@ -70,61 +176,6 @@ def read_curves(episodes: Path, window: int = TRAINING_WINDOW) -> tuple[Curve, C
     largest = max((len(group) for group in rounds.values()), default=0)
     whole = [group for group in rounds.values() if len(group) == largest]
     return _curve(points), _curve([_point(group, began) for group in whole])
-
-
-def plot_run(
-    folder: Path, out: Path, lines: Mapping[str, float], *, over: Over = "minutes", window: int = TRAINING_WINDOW
-) -> Curve:
-    """Draw distance and success over time or updates, and return the curve of evaluation.
-
-    Args:
-        folder: of the run.
-        out: picture to write; its ending decides the format.
-        lines: yardsticks by name, metres, drawn across the picture of the distance.
-        over: what the curves run over; updates leave out the pauses of a run that was resumed.
-        window: episodes behind each point of training.
-
-    Raises:
-        CheckpointError: the run has no finished episode.
-        ConfigError: matplotlib is not installed, or does not know the format.
-    """
-    with optional("a plot", "plots"):
-        from matplotlib.figure import Figure
-
-    training, evaluation = read_curves(folder / "episodes.jsonl", window)
-    figure = Figure(figsize=(8.0, 5.6), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
-    for curve, style in (
-        (training, {"color": palette.CURVE_BEHIND.light, "label": "training, sampled actions", "marker": ""}),
-        (evaluation, {}),
-    ):
-        label = {"color": palette.CURVE.light, "marker": "o", "markersize": 3} | style
-        label.setdefault("label", "validation worlds, greedy")
-        along = curve.minutes if over == "minutes" else curve.updates
-        if len(along):
-            above.plot(along, curve.distance, **label)
-            below.plot(along, 100.0 * curve.success, **label)
-    for i, (name, metres) in enumerate(lines.items()):
-        above.axhline(metres, color=palette.YARDSTICK.light, linestyle=["--", ":", "-."][i % 3], linewidth=1.0)
-        above.annotate(
-            f"{name} {metres:.0f} m", (1.0, metres), xycoords=("axes fraction", "data"), ha="right", va="bottom"
-        )
-    above.set_ylabel("distance per episode (m)")
-    above.set_ylim(bottom=0.0)
-    below.set_ylabel("completed (%)")
-    below.set_ylim(-3, 103)
-    below.set_xlabel(_OVER[over])
-    if len(training.minutes) or len(evaluation.minutes):
-        above.legend(loc="best", frameon=False)
-    above.set_title(f"run {folder.name}")
-    for axes in (above, below):
-        axes.grid(alpha=0.3)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        figure.savefig(out, dpi=110)
-    except ValueError as error:
-        raise ConfigError(f"cannot write {out}: {error}") from error
-    return evaluation
 
 
 def _point(rows: list[dict[str, Any]], began: float) -> tuple[float, float, float, float, int]:

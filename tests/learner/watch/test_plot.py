@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from learner.cli import app
-from learner.watch.plot import read_curves
+from learner.watch.plot import read_curves, read_family_curves
 
 
 def row(time, role="train", version=1, distance=100.0, success=True, driver="policy"):
@@ -55,12 +55,32 @@ def test_a_window_and_updates_can_be_chosen(runs, tmp_path):
     assert out.is_file()
 
 
+def test_each_family_of_worlds_has_curves_of_its_own(runs, tmp_path):
+    episodes = runs / "office" / "episodes.jsonl"
+    lines = episodes.read_text().splitlines()
+    families = ["office", "tunnel"] * len(lines)
+    mixed = [json.loads(line) | {"family": family} for line, family in zip(lines, families, strict=False)]
+    episodes.write_text("".join(json.dumps(each) + "\n" for each in mixed))
+    curves = read_family_curves(episodes)
+    assert list(curves) == ["office", "tunnel"]
+    assert curves["office"][0].distance[-1] == pytest.approx(sum(200.0 - i for i in range(0, 60, 2)) / 30)
+    assert curves["tunnel"][0].distance[-1] == pytest.approx(sum(200.0 - i for i in range(1, 60, 2)) / 30)
+    # Both begin when the run did.
+    assert curves["tunnel"][0].minutes[-1] == pytest.approx(59.0)
+    out, other = tmp_path / "families.png", tmp_path / "run.png"
+    words = ["plot", "--runs", str(runs), "--run", "office", "--out"]
+    assert CliRunner().invoke(app, [*words, str(out), "--by-family"]).exit_code == 0
+    assert CliRunner().invoke(app, [*words, str(other)]).exit_code == 0
+    assert out.read_bytes() != other.read_bytes()
+
+
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
         (["--run", "office", "--over", "steps"], "minutes or updates"),
         (["--run", "nothing"], "does not exist"),
         (["--run", "office", "--line", "greedy"], "NAME=METRES"),
+        (["--run", "office", "--line", "greedy=261", "--by-family"], "leave it out"),
         (["--run", "office", "--out", "curve.xyz"], "cannot write"),
     ],
 )
