@@ -10,11 +10,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from common.errors import StorageError
-from common.network.parameters import with_options
-from common.policies.policy_file import read_weights
-from common.system.paths import expanded
 from learner.algorithm.base import Algorithm, NotFiniteError, Prepare, PublishedVersion
 from learner.algorithm.batch import TransitionBatch
+from learner.algorithm.initial_policy import initial_weights
 from learner.checkpointing import Checkpointer
 from learner.curve_recorder import LOG_EVERY, CurveRecorder
 from learner.ingest import Ingest
@@ -113,9 +111,9 @@ class Trainer:
             StorageError: the disk refuses the run's files; it may refuse the checkpoint, which waits for room.
             WeightsError: it does not fit the configured network.
         """
-        if self.config.learner.initial_policy is not None:
-            weights, card = read_weights(expanded(self.config.learner.initial_policy))
-            self.algorithm.adopt(with_options(weights, card.network, self.config.network, self.config.seed))
+        if (found := initial_weights(self.config)) is not None:
+            weights, card = found
+            self.algorithm.adopt(weights)
             logger.info("training continues from the policy of run %s, %d updates", card.run, card.updates)
         self._open_records(episodes_length=0, updates=0)
         self.recorder.write_text("config", f"```json\n{self.config.model_dump_json(indent=2)}\n```")

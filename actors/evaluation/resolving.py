@@ -14,8 +14,8 @@ from actors.evaluation.suited import suited_config
 from actors.evaluation.worlds import WorldSet
 from actors.maps.spec import with_places
 from common.errors import ConfigError
+from common.policies.shipped import policy_path
 from common.problems import first_problem
-from common.system.paths import expanded
 
 
 def resolve(
@@ -81,7 +81,7 @@ def resolve(
             simulator=run.simulator,
             seed=seed,
             time_limit=time_limit,
-            policy=None if policy is None else str(expanded(policy).resolve()),
+            policy=None if policy is None else str(policy_path(policy).resolve()),
         )
     except ValidationError as error:
         first = first_problem(error)

@@ -151,7 +151,8 @@ class LearnerConfig(Section):
     total_updates: Annotated[int, Field(ge=1)] = 20_000
     """The run is complete after this many updates."""
     initial_policy: str | None = None
-    """Start from these weights (.safetensors with its card) instead of random ones, for fine-tuning."""
+    """Start from these weights (.safetensors with its card) instead of random ones, for fine-tuning; `exploration` or
+    `navigation` names the policy that is shipped for the task."""
     device: str = "auto"
     """`auto` (CUDA if available), `cpu`, `cuda` or `cuda:N`."""
     precision: Literal["auto", "fp32", "bf16"] = "auto"

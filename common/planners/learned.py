@@ -30,8 +30,7 @@ from common.planners.viewpoint_planner import (
 from common.planners.visited_places import PlacesSinceGain
 from common.policies.policy import Policy
 from common.policies.policy_file import PolicyCard, read_policy
-from common.policies.shipped import shipped_policy, shipped_tasks
-from common.system.paths import expanded
+from common.policies.shipped import policy_path, shipped_policy, shipped_tasks
 from common.tasks import EXPLORATION, find_task
 
 log = logging.getLogger(__name__)
@@ -119,7 +118,7 @@ class LearnedPlanner:
         self._shipped = policy is None
         self.card: PolicyCard | None = None
         if policy is not None:
-            self.policy, self.card = policy if isinstance(policy, tuple) else read_policy(expanded(policy))
+            self.policy, self.card = policy if isinstance(policy, tuple) else read_policy(policy_path(policy))
             warn_of_other_mapping(self.card, config)
         elif not shipped_tasks():
             shipped_policy(EXPLORATION.name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from common.errors import CheckpointError
+from common.system.paths import expanded
 
 _FOLDER = Path(__file__).parents[1] / "weights"
 
@@ -27,3 +28,9 @@ def shipped_policy(task: str) -> Path:
             "your own policy (.safetensors), as written by 'hd-learner export'"
         )
     return path
+
+
+def policy_path(policy: str | Path) -> Path:
+    """Return where a policy lies: a file, or what is shipped for the task of that name, such as ``exploration``."""
+    # A policy's file has an ending, so that no file is meant by the name of a task alone.
+    return shipped_policy(str(policy)) if str(policy) in shipped_tasks() else expanded(policy)

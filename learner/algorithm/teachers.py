@@ -17,9 +17,8 @@ from common.network.graph_arrays import GraphArrays
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyNetwork
 from common.network.state import load_arrays
-from common.policies.policy_file import read_weights
-from common.system.paths import expanded
 from learner.algorithm.batch import TransitionBatch
+from learner.algorithm.initial_policy import read_initial
 from learner.algorithm.losses import log_marginal
 
 
@@ -43,7 +42,7 @@ class Teachers:
         self._policy: PolicyNetwork | None = None
         if self._earlier.any():
             assert config.learner.initial_policy is not None, "the configuration was checked"
-            weights, card = read_weights(expanded(config.learner.initial_policy))
+            weights, card = read_initial(config.learner.initial_policy)
             self._policy = make_policy_network(card.network).requires_grad_(False)
             load_arrays(self._policy, weights)
 

@@ -50,6 +50,14 @@ def test_config_prints_what_it_reads_back(tmp_path):
             ("start", "--runs", "{folder}", "--set", "maps.train=generator:romms", "--maps-elsewhere", "--serial"),
             "did you mean 'rooms'",
         ),
+        (
+            ("start", "--runs", "{folder}", "--set", "learner.initial_policy=absent.safetensors", "--serial"),
+            "there is no file absent.safetensors",
+        ),
+        (
+            ("start", "--runs", "{folder}", "--set", "learner.initial_policy=exploration", "--set", "network.heads=4"),
+            "exploration does not fit the network: ",
+        ),
         (("doctor", "--run", "absent", "--runs", "{folder}"), "there is no run 'absent'"),
         (("status", "--connect", "nonsense", "--timeout", "0.2"), "an endpoint must be"),
         (("status", "--connect", "tcp/127.0.0.1:9", "--timeout", "0.2"), "no learner answers"),

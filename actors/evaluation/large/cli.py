@@ -22,8 +22,8 @@ from actors.evaluation.options import (
 from actors.evaluation.progress import planner_list, run_and_show
 from actors.evaluation.replanning import Replan
 from common.cli import EXIT_ERROR, CommandApp, command_errors, message_console
+from common.policies.shipped import policy_path
 from common.system.logs import setup_logging
-from common.system.paths import expanded
 from common.system.progress import Steps, tell_of_kernels
 from common.tasks import EXPLORATION, find_task
 
@@ -117,7 +117,7 @@ def large(
         simulator=run.simulator,
         seed=seed,
         time_limit=time_limit,
-        policy=None if policy is None else str(expanded(policy).resolve()),
+        policy=None if policy is None else str(policy_path(policy).resolve()),
         large=True,
         targets=targets,
         replan=replan,
