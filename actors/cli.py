@@ -15,7 +15,7 @@ from common.cli import CommandApp, Version, command_errors, completing
 from common.errors import ConfigError, MessageError
 from common.extensions import SIMULATORS
 from common.ids import check_id
-from common.system.addresses import MAX_PORT, listening_address
+from common.system.addresses import MAX_PORT, check_free, listening_address
 from common.system.logs import setup_logging
 
 if TYPE_CHECKING:
@@ -154,6 +154,9 @@ def main(
             f"--metrics {metrics} with --num {num} needs ports up to {address[1] + num - 1}, and {MAX_PORT} is the "
             "last: begin at a lower one"
         )
+    if address is not None and launcher is Launching.LOCAL:
+        for number in range(num):
+            check_free(address[0], address[1] + number, "--metrics")
     prefix = _checked_id(name or host_name(), "--name")
     bus = _bus(connect, tls_ca, tls_certificate, tls_key, compress)
     run_name, taken, spec = _find_run(bus, run)

@@ -251,13 +251,13 @@ def _run(config: RunConfig, runs: Path, options: RunOptions, *, resume: bool, ov
     check_maps(config, elsewhere=options.maps_elsewhere)
     # Torch takes seconds, which errors of the configuration need not wait for. Imported before the run's folder is
     # made, so that a missing package leaves none behind.
-    from learner.algorithm.initial_policy import check_initial
+    from learner.preflight import check_needs
     from learner.run.folder import RunFolder
-    from learner.watch.writers import check_writers
 
-    check_writers(config)
-    if not resume:
-        check_initial(config)
+    listens = {} if address is None else {"--metrics": address}
+    if options.page is not None:
+        listens["--page"] = options.page.host, options.page.port
+    check_needs(config, listens, begins=not resume)
     if options.serial:
         from learner.serial import run_serial
     else:

@@ -51,6 +51,13 @@ def test_config_prints_what_it_reads_back(tmp_path):
             "did you mean 'rooms'",
         ),
         (
+            ("start", "--runs", "{folder}", "--metrics", "203.0.113.7:9100"),
+            "--metrics cannot listen on 203",
+        ),
+        (("start", "--runs", "{folder}", "--page", "203.0.113.7:8080"), "--page cannot listen on 203"),
+        (("start", "--runs", "{folder}", "--set", "learner.device=gpu"), "expected auto, cpu, cuda or cuda:N"),
+        (("start", "--runs", "{folder}", "--set", "checkpoints.mirror=bucket/runs"), "expected a URL such as s3:"),
+        (
             ("start", "--runs", "{folder}", "--set", "learner.initial_policy=absent.safetensors", "--serial"),
             "there is no file absent.safetensors",
         ),
