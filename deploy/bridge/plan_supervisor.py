@@ -24,10 +24,6 @@ from deploy.safety.geofence import Geofence
 from deploy.safety.loops import LoopDetector
 from deploy.safety.progress import ProgressMonitor
 
-# A place banned so often is out of reach for good.
-_HOPELESS: Final = 2
-# A robot that has nothing left but banned places tries them so often in the time of a ban.
-_TRIES: Final = 6
 # Places nearer to each other than this count as one where they are banned, metres: robots come to a place so exactly.
 _SAME_PLACE: Final = 0.5
 # A frontier that is left when the robot has come so near, metres, shows no more.
@@ -52,7 +48,6 @@ class PlanSupervisor:
         self._blacklist = Blacklist(safety, min(_SAME_PLACE, mapping.viewpoint_spacing / 2.0))
         self._progress = ProgressMonitor(safety)
         self._progress_time = safety.progress_time
-        self._blacklist_time = safety.blacklist_time
         self._loops = LoopDetector()
         self._spacing = mapping.viewpoint_spacing
         self._radius = mapping.robot_radius
@@ -201,18 +196,14 @@ class PlanSupervisor:
         )
 
     def _wait_for_bans(self, now: float) -> Plan | None:
-        """Wait for bans that are still young; None without any."""
-        young = [ban for ban in self._blacklist.active(now) if ban.failures < _HOPELESS]
-        if not young:
+        """Wait for the next banned place that is worth another try; None without any."""
+        again = self._blacklist.try_again(now)
+        if again is None:
             return None
-        # With nothing else to do the robot looks in between whether who stood there has gone.
-        after = self._blacklist_time / _TRIES
-        first = min(young, key=lambda ban: min(ban.until, ban.began + after))
-        wait = max(min(first.until, first.began + after) - now, 0.0)
-        if not wait:
-            self._blacklist.lift(first, now)
+        ban, seconds = again
         self._note_wait(now)
-        return Plan(Status.STUCK, reason=f"every way is blocked ({first.reason}); tries again in {wait:.0f} s")
+        when = f"in {seconds:.0f} s" if seconds else "now"
+        return Plan(Status.STUCK, reason=f"every way is blocked ({ban.reason}); tries again {when}")
 
     def _wait_for_ways(self, mapper: Mapper, place: Pose, now: float) -> Plan | None:
         """Wait for ways that something closes, and go to look at them; None without any."""
@@ -234,7 +225,7 @@ class PlanSupervisor:
         """
         if self.target is None or plan.status not in {Status.UNREACHABLE, Status.STUCK} or not self._waited:
             return False
-        if any(ban.failures < _HOPELESS for ban in self._blacklist.active(now)):
+        if self._blacklist.hopeful(now):
             return False
         self._waited = False
         return True

@@ -11,6 +11,10 @@ from deploy.config import Point, SafetyConfig
 _LONGEST: Final = 8.0
 # Failures are forgotten this many blacklist times after a ban has ended.
 _MEMORY: Final = 4.0
+# A place that could not be reached so often is out of reach for good.
+_HOPELESS: Final = 2
+# A robot that has nothing left but banned places tries them so often in the time of a ban.
+_TRIES: Final = 6
 
 
 @dataclass(slots=True)
@@ -70,10 +74,27 @@ class Blacklist:
         """All bans of this moment."""
         return [ban for ban in self._bans if ban.until > now]
 
-    def lift(self, ban: Ban, now: float) -> None:
-        """Let the robot try again before a ban has ended."""
-        ban.lifted = max(ban.lifted, ban.until)
-        ban.until = now
+    def hopeful(self, now: float) -> list[Ban]:
+        """The bans of this moment whose places are worth another try."""
+        return [ban for ban in self.active(now) if ban.failures < _HOPELESS]
+
+    def try_again(self, now: float) -> tuple[Ban, float] | None:
+        """Let a robot that has nothing else to do look in between whether who stood in its way has gone.
+
+        Returns:
+            The ban of the place that is tried first, and in how many seconds: at 0 the ban is lifted. None where no
+            place is worth another try.
+        """
+        bans = self.hopeful(now)
+        if not bans:
+            return None
+        after = self._seconds / _TRIES
+        first = min(bans, key=lambda ban: min(ban.until, ban.began + after))
+        seconds = max(min(first.until, first.began + after) - now, 0.0)
+        if not seconds:
+            first.lifted = max(first.lifted, first.until)
+            first.until = now
+        return first, seconds
 
     def clear(self) -> None:
         """Forget everything."""

@@ -1,3 +1,5 @@
+import pytest
+
 from deploy.config import SafetyConfig
 from deploy.safety.blacklist import Blacklist
 
@@ -26,15 +28,29 @@ def test_every_failure_doubles_the_time_up_to_eight_times():
     assert times == [100.0, 200.0, 400.0, 800.0, 800.0, 800.0]
 
 
-def test_a_ban_that_is_lifted_early_comes_back_as_it_was_if_the_place_fails_in_its_time():
+def test_a_place_is_tried_again_in_between_and_a_failure_then_counts_no_further():
     blacklist = make()
-    ban = blacklist.add(DOOR, "blocked", 0.0)
-    blacklist.lift(ban, 20.0)
+    blacklist.add(DOOR, "blocked", 0.0)
+    ban, seconds = blacklist.try_again(10.0)
+    assert (ban.position, seconds) == (DOOR, pytest.approx(100.0 / 6.0 - 10.0))
+    assert blacklist.banned(DOOR, 10.0) is ban
+    assert blacklist.try_again(20.0) == (ban, 0.0)
     assert blacklist.banned(DOOR, 20.0) is None
     again = blacklist.add(DOOR, "blocked", 30.0)
     assert (again.failures, again.began, again.until) == (1, 30.0, 100.0)
-    blacklist.lift(again, 50.0)
+    assert blacklist.try_again(50.0) == (again, 0.0)
     assert blacklist.add(DOOR, "blocked", 110.0).failures == 2
+
+
+def test_a_place_that_failed_twice_is_not_tried_again_before_its_time():
+    blacklist = make()
+    assert blacklist.try_again(0.0) is None
+    blacklist.add(DOOR, "blocked", 0.0)
+    blacklist.add(DOOR, "blocked", 101.0)
+    other = blacklist.add((8.0, 8.0), "a person", 110.0)
+    assert blacklist.hopeful(120.0) == [other]
+    assert blacklist.try_again(130.0) == (other, 0.0)
+    assert blacklist.try_again(131.0) is None
 
 
 def test_old_failures_are_forgotten():
