@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 
 import zenoh
 
@@ -15,6 +16,8 @@ from common.system.signals import stopping_signals
 logger = logging.getLogger(__name__)
 
 LOOK_SECONDS = 1.0
+FIRST_SECONDS = 10.0
+"""After which a router says that it has not found the other side."""
 
 
 def run_router(bus: BusConfig) -> None:
@@ -38,11 +41,19 @@ def run_router(bus: BusConfig) -> None:
 
 
 def _watch(session: zenoh.Session, stop: threading.Event, others: str) -> None:
-    """Say when the link to the other side comes and goes."""
+    """Say when the link to the other side comes and goes, and when it does not come."""
     linked = False
+    missed: float | None = time.monotonic() + FIRST_SECONDS
     # Not the event's own wait: its lock is no place for a signal handler that sets it.
     pause = threading.Event()
     while not stop.is_set():
         if linked != (linked := bool(session.info.routers_zid())):
             logger.log(logging.INFO if linked else logging.WARNING, "%s %s", "joined" if linked else "lost", others)
+            missed = None
+        if missed is not None and time.monotonic() >= missed:
+            missed = None
+            logger.warning(
+                "nobody answers at %s yet: check address, port, firewall and certificates; this router goes on trying",
+                others,
+            )
         pause.wait(LOOK_SECONDS)

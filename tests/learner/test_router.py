@@ -75,6 +75,15 @@ def test_deliveries_cross_a_router_that_comes_late_and_comes_back(compression):
     assert sorted({delivery.sequence for delivery in stored}) == [0, 1, 2]
 
 
+@pytest.mark.timeout(120)
+def test_a_router_that_finds_nobody_says_so_once_and_goes_on():
+    nobody = f"tcp/127.0.0.1:{free_port()}"
+    with router(f"tcp/127.0.0.1:{free_port()}", nobody) as process:
+        said = next(line for line in process.stderr if "nobody answers" in line)
+        assert nobody in said
+        assert process.poll() is None
+
+
 @pytest.mark.timeout(300)
 def test_the_access_rules_of_the_run_hold_at_the_router(tmp_path):
     write_pki(tmp_path, [], ["desk", "lab"], [])
