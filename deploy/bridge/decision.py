@@ -130,6 +130,10 @@ class DecisionLoop:
         orders = self._mission.orders
         if orders.map_resets != self._map_resets:
             self._map_resets = orders.map_resets
+            if self._map.statistics.misplaced:
+                # Home was a place of the old map.
+                self._mission.forget_home()
+                orders = self._mission.orders
             self._map.reset(orders.target)
         if orders.episode != self._episode:
             self._episode = orders.episode
@@ -172,6 +176,11 @@ class DecisionLoop:
         waypoint = course.waypoint if course else None
         is_free = free_in(mapper, with_room=course.with_room) if mapper is not None and course else None
         self._faults = self._health.check(now, waypoint=waypoint, is_free=is_free)
+        misplaced = self._map.statistics.misplaced
+        if misplaced:
+            # It takes nothing in for that.
+            others = [fault for fault in self._faults if fault.kind is not FaultKind.MAP_STALE]
+            self._faults = [Fault(FaultKind.MAP_MISPLACED, misplaced), *others]
 
     def _due(self, mapper: Mapper, pose: Pose, now: float) -> bool:
         """Whether it is time to decide."""

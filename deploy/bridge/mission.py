@@ -108,7 +108,7 @@ class Mission:
         return self._orders
 
     def start(self) -> None:
-        """Begin the task; while it runs already, or a target is on its way, nothing changes.
+        """Begin the task, or go on after a pause; while it runs already, or a target is on its way, nothing changes.
 
         After a target that was gone to in the midst of an exploration, the exploration continues.
 
@@ -120,8 +120,8 @@ class Mission:
             orders = self._orders
             if orders.phase is Phase.RUNNING:
                 return
-            if orders.phase is Phase.PAUSED and orders.paused is Phase.RUNNING:
-                self._change(Phase.RUNNING, "resumed by command")
+            if orders.phase is Phase.PAUSED:
+                self._change(orders.paused, "resumed by command")
                 return
             if self.task.needs_target and orders.target is None:
                 raise CommandError("there is no target yet: send `goal X Y` first, or set decision.goal")
@@ -194,6 +194,17 @@ class Mission:
         with self._lock:
             orders = self._orders
             self._orders = replace(orders, map_resets=orders.map_resets + 1, episode=orders.episode + 1)
+
+    def forget_home(self) -> None:
+        """Forget where the task began, because the odometry began anew; what has to go to a known place ends."""
+        with self._lock:
+            self._orders = replace(self._orders, home=None)
+            lost = self._orders.purpose is Phase.RETURNING or self._orders.task.needs_target
+            if lost and (self._orders.moving or self._orders.phase is Phase.PAUSED):
+                self._change(
+                    Phase.ABORTED,
+                    "the odometry began anew, so home and targets lie elsewhere now: send a new goal, or `start`",
+                )
 
     def goal(self, target: Position) -> None:
         """Set a target; a robot under way goes there at once, one that waits does with `start`.

@@ -118,6 +118,16 @@ class Intake:
         self.volume = ExploredVolume()
         self._newest: dict[tuple[type, str], tuple[float, NDArray[np.float64]]] = {}
 
+    def part(self) -> None:
+        """Forget what was sensed before the pose leapt: nothing may be placed between there and here."""
+        newest = self._poses.newest
+        self._poses.clear()
+        if newest is not None:
+            self._poses.add(*newest)
+        self._waiting.clear()
+        self.ready.clear()
+        self._newest.clear()
+
     @property
     def waiting(self) -> int:
         """Number of messages that wait for a pose."""

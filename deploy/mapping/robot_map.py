@@ -19,6 +19,7 @@ from deploy.mapping.intake import Intake, StampedTransform
 from deploy.mapping.log_odds import Beams
 from deploy.mapping.slam_grid import SlamGrid, strangeness
 from deploy.mapping.survey import Survey
+from deploy.tf.leaps import PoseLeaps
 
 _NO_POINTS = np.empty((0, 2))
 
@@ -35,6 +36,7 @@ class MapStatistics:
         problem: the last thing that went wrong, one line; empty when nothing did.
         free_area: area known to be free, square metres.
         explored_volume: voxels of 0.5 m with a point in them, cubic metres; 0 without clouds.
+        misplaced: why the robot may not be where the map has it, one sentence; empty while it is.
     """
 
     received: int = 0
@@ -44,6 +46,7 @@ class MapStatistics:
     problem: str = ""
     free_area: float = 0.0
     explored_volume: float = 0.0
+    misplaced: str = ""
 
 
 class RobotMap:
@@ -72,6 +75,11 @@ class RobotMap:
         self._target = target
         self._survey = Survey(config)
         self._writer: BeliefWriter | None = None
+        safety = config.safety
+        self._leaps = PoseLeaps(
+            jump=safety.pose_jump, speed=safety.speed_limit, turn_rate=safety.turn_limit, timeout=safety.pose_timeout
+        )
+        self._leapt = ""
 
     def add_pose(self, time: float, pose: Pose, floor: float = 0.0, frame: str = "", child: str = "") -> Pose | None:
         """Add a pose of the odometry (``sensing.pose: odometry``).
@@ -87,7 +95,12 @@ class RobotMap:
             The pose of the base in the map frame; None where it does not count.
         """
         with self._intake_lock:
-            return self._intake.add_pose(time, pose, floor, frame, child)
+            base = self._intake.add_pose(time, pose, floor, frame, child)
+            leapt = "" if base is None else self._leaps.take(time, base)
+            if leapt:
+                self._intake.part()
+                self._leapt = leapt
+            return base
 
     def add_transforms(self, transforms: Iterable[StampedTransform], *, static: bool = False) -> float | None:
         """Add transforms, for poses (``sensing.pose: tf``) and for where sensors sit on the base.
@@ -180,6 +193,9 @@ class RobotMap:
                 cloud, self._intake.cloud = self._intake.cloud, None
                 grid = self._grids.take()
                 pose = self._intake.pose
+                leapt, self._leapt = self._leapt, ""
+            if leapt and self._survey.cells is not None:
+                self._survey.fit.doubt(leapt)
             if self._survey.by_octomap:
                 if cloud is not None:
                     self._survey.add_cloud(cloud)
@@ -200,7 +216,8 @@ class RobotMap:
                     self._config.driving.robot_radius,
                 )
             self._writer.write(pose)
-            self._writer.mapper.passed(pose)
+            if not self._survey.fit.problem:
+                self._writer.mapper.passed(pose)
             self._writer.mapper.update(pose)
             return self._writer.mapper
 
@@ -223,6 +240,7 @@ class RobotMap:
                 problem=intake.messages.problem,
                 free_area=0.0 if cells is None else cells.free_area,
                 explored_volume=intake.volume.value,
+                misplaced=self._survey.fit.problem,
             )
 
     def obstacles_near(self, pose: Pose, radius: float) -> NDArray[np.float64]:
@@ -266,6 +284,7 @@ class RobotMap:
             self._target = target
             self._intake.forget()
             self._grids.again()
+            self._leapt = ""
             self._survey = Survey(self._config)
             self._writer = None
 

@@ -7,6 +7,7 @@ from math import floor
 from common.errors import MappingError
 from common.geometry import Pose
 from deploy.config import DeployConfig
+from deploy.mapping.fit import MapFit
 from deploy.mapping.intake import Cloud
 from deploy.mapping.log_odds import Beams, LogOddsGrid
 from deploy.mapping.measured_grid import MeasuredGrid
@@ -20,6 +21,7 @@ class Survey:
     Attributes:
         cells: the grid; None before anything was measured.
         integrated: scans, clouds and maps that went into it.
+        fit: whether scans fit it, after a leap of the pose; what is made of something else than scans is not compared.
     """
 
     def __init__(self, config: DeployConfig) -> None:
@@ -37,6 +39,7 @@ class Survey:
         self._sensing = sensing
         self.cells: MeasuredGrid | None = None
         self.integrated = 0
+        self.fit = MapFit()
         self._octomap: OctoMap | None = None
         if sensing.octomap:
             self._octomap = OctoMap(sensing, min(sensing.range_max or mapping.sensor_range, mapping.sensor_range))
@@ -47,15 +50,16 @@ class Survey:
         return self._octomap is not None
 
     def add_beams(self, beams: Beams, sensor: Pose) -> None:
-        """Add a scan to the log-odds.
+        """Add a scan to the log-odds, or hold it back while it is in doubt whether it fits.
 
         Raises:
             MappingError: it cannot be added; nothing is.
         """
         if not isinstance(self.cells, LogOddsGrid):
             self.cells = LogOddsGrid(self._mapping.resolution, self._near_anchor(sensor.position), self._sensing)
-        self.cells.integrate(beams, sensor)
-        self.integrated += 1
+        for admitted, place in self.fit.admit(self.cells, beams, sensor):
+            self.cells.integrate(admitted, place)
+            self.integrated += 1
 
     def add_cloud(self, cloud: Cloud) -> None:
         """Add a point cloud to the OctoMap, and what it changed there to the grid."""

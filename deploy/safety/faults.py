@@ -27,6 +27,8 @@ class FaultKind(StrEnum):
     """The belief took nothing in for `safety.scan_timeout` although messages came."""
     POSE_JUMP = "pose_jump"
     """The pose moved faster than the robot can."""
+    MAP_MISPLACED = "map_misplaced"
+    """After a jump or a silence of the odometry, what the robot sees does not fit its map, or is being compared."""
     POLICY_ERROR = "policy_error"
     """The planner failed."""
     WAYPOINT_OCCUPIED = "waypoint_occupied"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import hypot, isfinite
+from math import isfinite
 
 from common.geometry import Pose
 from deploy.config import Point, SafetyConfig
@@ -14,6 +14,7 @@ from deploy.safety.geofence import Geofence
 from deploy.safety.motion import MotionWatch
 from deploy.safety.sensor_watch import SensorWatch
 from deploy.safety.swings import PoseSwings
+from deploy.tf.leaps import leap
 from deploy.tf.stamps import Order, StampOrder
 
 
@@ -117,9 +118,9 @@ class HealthMonitor:
             _, last_stamp, last = self._pose
             # A clock set back tells nothing about speed: then only the permitted jump counts.
             elapsed = max(stamp - last_stamp, 0.0)
-            moved = hypot(pose.x - last.x, pose.y - last.y)
-            if moved > self._config.pose_jump + self._config.speed_limit * elapsed:
-                self._jump = now, f"the pose jumped {moved:.2f} m in {elapsed:.2f} s"
+            leapt = leap(last, pose, elapsed, self._config.pose_jump, self._config.speed_limit)
+            if leapt:
+                self._jump = now, leapt
         swings = self._swings.take(now, pose) if self._pose is None or stamp >= self._pose[1] else ""
         if swings:
             self._jump = now, swings

@@ -42,6 +42,7 @@ def robot(pair):
     """The robot at its start, and a bridge that waits with an empty map."""
     robot = pair[0]
     robot.sensing, robot.jump = True, None
+    robot.spoil_odometry = lambda odometry: odometry
     ask(robot, "abort")
     robot.carry_to(Pose(*ARMS.start))
     ask(robot, "reset")
@@ -147,6 +148,29 @@ def test_a_jump_of_the_pose_stops_the_robot(robot):
     robot.jump = 8.0
     assert eventually(lambda: robot.stops[-1][1] == 2, 5)
     assert eventually(lambda: "jumped" in robot.status["reason"])
+
+
+def test_an_odometry_that_begins_anew_holds_the_robot_until_it_is_put_right_or_the_map_is_reset(robot):
+    def beside(odometry):
+        odometry.pose.pose.position.y += 3.3
+        return odometry
+
+    ask(robot, "start")
+    assert eventually(lambda: state(robot) == "running" and robot.status["explored_area"] > 50.0, 30)
+    home, scans = robot.status["home"], robot.status["scans"]
+    robot.spoil_odometry = beside
+    assert eventually(lambda: "does not fit its map any more" in robot.status["reason"], 10)
+    # A jump alone would be over then.
+    assert eventually(lambda: list(robot.status["faults"]) == ["map_misplaced"], 10)
+    time.sleep(0.5)
+    assert (state(robot), list(robot.status["faults"])) == ("holding", ["map_misplaced"])
+    assert robot.status["scans"] - scans < 15, "nothing is drawn over the map"
+    robot.spoil_odometry = lambda odometry: odometry
+    assert eventually(lambda: state(robot) == "running" and robot.status["home"] == home, 10)
+    robot.spoil_odometry = beside
+    assert eventually(lambda: "does not fit its map any more" in robot.status["reason"], 10)
+    ask(robot, "reset")
+    assert eventually(lambda: state(robot) == "running" and robot.status["home"] not in (None, home), 10)
 
 
 def test_the_emergency_stop_holds_until_an_operator_releases_it_and_then_until_a_start(robot):

@@ -60,14 +60,38 @@ def test_a_pause_keeps_the_episode(resume):
     assert (mission.orders.phase, mission.orders.episode) == (Phase.RUNNING, episode)
 
 
-def test_the_way_home_can_be_paused_too():
+@pytest.mark.parametrize("resume", ["resume", "start"])
+def test_the_way_home_can_be_paused_too(resume):
     mission = Mission("exploration")
     mission.start()
     mission.begun((0.0, 0.0))
     mission.return_home()
+    episode = mission.orders.episode
     mission.pause()
-    mission.resume()
-    assert mission.orders.phase is Phase.RETURNING
+    getattr(mission, resume)()
+    assert (mission.orders.phase, mission.orders.episode) == (Phase.RETURNING, episode)
+
+
+@pytest.mark.parametrize(("task", "verb"), [("exploration", "return_home"), ("navigation", "start")])
+def test_a_way_to_a_known_place_ends_where_the_odometry_began_anew(task, verb):
+    mission = Mission(task, (4.0, 2.0))
+    mission.start()
+    mission.begun((0.0, 0.0))
+    getattr(mission, verb)()
+    mission.forget_home()
+    assert (mission.orders.phase, mission.orders.home) == (Phase.ABORTED, None)
+    assert "send a new goal, or `start`" in mission.orders.reason
+    mission.start()
+    mission.begun((1.0, 1.0))
+    assert (mission.orders.phase, mission.orders.home) == (Phase.RUNNING, (1.0, 1.0))
+
+
+def test_an_exploration_goes_on_without_its_home():
+    mission = Mission("exploration")
+    mission.start()
+    mission.begun((0.0, 0.0))
+    mission.forget_home()
+    assert (mission.orders.phase, mission.orders.home) == (Phase.RUNNING, None)
 
 
 def test_commands_that_make_no_sense_now_say_what_to_send_instead():
