@@ -347,5 +347,14 @@ class DeployConfig(Section):
         if self.safety.geofence:
             from deploy.fence import fence_shapes
 
-            fence_shapes(self.safety.geofence, self.mapping.robot_radius)
+            _, inner = fence_shapes(self.safety.geofence, self.mapping.robot_radius)
+            goal, near = self.decision.goal, self.decision.goal_radius
+            if goal is not None:
+                from shapely import Point as ShapelyPoint
+
+                if inner.distance(ShapelyPoint(goal)) > near:
+                    raise ValueError(
+                        "decision.goal must lie inside safety.geofence, or within decision.goal_radius "
+                        f"({near:g} m) of where the robot may be, got ({goal[0]:g}, {goal[1]:g}): change one"
+                    )
         return self

@@ -24,7 +24,7 @@ from deploy.bridge.inputs import Inputs
 from deploy.bridge.lifecycle_services import LifecycleServices
 from deploy.bridge.live import LivePolicy
 from deploy.bridge.metrics import Metrics
-from deploy.bridge.mission import Mission, Phase
+from deploy.bridge.mission import WAITS, Mission, Phase
 from deploy.bridge.navigate_action import NavigateAction
 from deploy.bridge.outcome import Outcome
 from deploy.bridge.outputs import Outputs
@@ -105,7 +105,11 @@ class Bridge(Closing):
 
     def status(self) -> dict[str, Any]:
         """Return the state of this moment, ready for JSON."""
-        outcome = replace(self._outcome, orders=self._mission.orders)
+        outcome, orders = self._outcome, self._mission.orders
+        if orders is not outcome.orders:
+            # What held the robot, or where it went, by its old orders says nothing about new ones; a fault does.
+            held = outcome.hold if outcome.faults or self._rivals.problem else ""
+            outcome = replace(outcome, orders=orders, hold=held, course=None, aim=None)
         return self._reporter.status(outcome, self._lifecycle.state.label, self._gate.state).to_json()
 
     def _configure(self) -> None:
@@ -121,7 +125,15 @@ class Bridge(Closing):
         )
         self._planners = make_planners(config)
         decision = config.decision
-        self._mission = Mission(decision.task, decision.goal, decision.goal_reach, self._position)
+        targets = Geofence(config.safety.geofence, config.mapping.robot_radius)
+        self._mission = Mission(
+            decision.task,
+            decision.goal,
+            decision.goal_reach,
+            self._position,
+            permits=lambda target: targets.comes_near(target, decision.goal_radius),
+            waits="starts by itself with a map and a pose" if decision.autostart else WAITS,
+        )
         warm_up(config, self._planners.members(config.decision.task))
         if probe is not None:
             # Before the watchdog begins: its zeros would stop the other bridge's robot.
@@ -243,7 +255,9 @@ class Bridge(Closing):
         if self._config.decision.autostart and not self._started_by_itself and outcome.mapper is not None:
             self._started_by_itself = True
             # What was latched meanwhile takes a start by command, as always.
-            if not self._gate.latched:
+            if self._gate.latched:
+                self._mission.wait_for_start()
+            else:
                 self._mission.start()
 
     def _draw(self, outcome: Outcome, stamp: float, now: float) -> None:

@@ -124,6 +124,7 @@ class Commands:
 
     def _release(self, who: str, why: str) -> None:
         """Release the emergency stop; the robot stands until it is told to start."""
+        latched = self._gate.latched
         self._mission.emergency_stop(f"emergency stop released by {who}: {why}")
         self._gate.release()
         log.warning("the emergency stop is released by %s: %s", who, why)
@@ -134,6 +135,8 @@ class Commands:
                     "the emergency stop stays latched: its topic says so again, or the watchdog does not answer"
                 )
             time.sleep(0.01)
+        if latched:
+            self._mission.released(who, why)
 
 
 class TopicCommands:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import hypot, inf, isfinite
+from typing import Final
 
 from common.planners.base import Position, TaskName
 from common.tasks import EXPLORATION, NAVIGATION, Task, find_task
@@ -32,6 +33,8 @@ class Phase(StrEnum):
     """The task was ended by command."""
 
 
+WAITS: Final = "waits for the command to start"
+"""What a robot says that has no orders yet."""
 MOVING = frozenset({Phase.RUNNING, Phase.RETURNING})
 _ENDED = frozenset({Phase.FINISHED, Phase.FAILED, Phase.ABORTED})
 
@@ -52,7 +55,7 @@ class Orders:
     """
 
     phase: Phase = Phase.IDLE
-    reason: str = "waits for the command to start"
+    reason: str = WAITS
     task: Task = EXPLORATION
     target: Position | None = None
     home: Position | None = None
@@ -87,6 +90,8 @@ class Mission:
         target: Position | None = None,
         reach: float = inf,
         here: Callable[[], Position | None] = lambda: None,
+        permits: Callable[[Position], bool] = lambda _: True,
+        waits: str = WAITS,
     ) -> None:
         """Begin idle.
 
@@ -95,12 +100,15 @@ class Mission:
             target: when it is known already; a task without one has none.
             reach: farthest target from the robot, metres.
             here: returns where the robot is, map frame; None while that is not known.
+            permits: whether the geofence lets the robot come near enough to a target.
+            waits: what it waits for, in words for the operator.
         """
         self.task = find_task(task)
         self._reach = reach
         self._here = here
+        self._permits = permits
         self._lock = threading.Lock()
-        self._orders = Orders(task=self.task, target=target if self.task.needs_target else None)
+        self._orders = Orders(reason=waits, task=self.task, target=target if self.task.needs_target else None)
 
     @property
     def orders(self) -> Orders:
@@ -169,11 +177,24 @@ class Mission:
         """End what the robot does, so that no release sets it in motion: only a new `start` does.
 
         Args:
-            reason: why it stands, as the gate says it, or who has released it.
+            reason: why it stands, as the gate says it.
         """
         with self._lock:
             if self._orders.moving or self._orders.phase is Phase.PAUSED:
                 self._change(Phase.ABORTED, f"{reason}: the robot stands until it is told to start")
+
+    def released(self, who: str, why: str) -> None:
+        """Note that somebody released the emergency stop, and why: what it ended waits for a start."""
+        with self._lock:
+            if self._orders.phase is Phase.ABORTED:
+                text = f"emergency stop released by {who}: {why}: the robot stands until it is told to start"
+                self._change(Phase.ABORTED, text)
+
+    def wait_for_start(self) -> None:
+        """Note that a robot that has done nothing yet does not start by itself any more."""
+        with self._lock:
+            if self._orders.phase is Phase.IDLE:
+                self._change(Phase.IDLE, WAITS)
 
     def return_home(self, reason: str = "called home by command") -> None:
         """Drive to where the task began.
@@ -212,7 +233,7 @@ class Mission:
         An exploration is left for it, and taken up again by `explore`, or by `start` when the target is reached.
 
         Raises:
-            CommandError: the target is not finite or too far away.
+            CommandError: the target is not finite, too far away, or outside the geofence.
         """
         if not (isfinite(target[0]) and isfinite(target[1])):
             raise CommandError(f"a target must be two finite numbers in metres, got {target}")
@@ -220,6 +241,11 @@ class Mission:
         far = too_far(target, self._here() or (0.0, 0.0), self._reach)
         if far:
             raise CommandError(far)
+        if not self._permits(target):
+            raise CommandError(
+                f"a target must lie inside the geofence (safety.geofence), ({target[0]:.6g}, {target[1]:.6g}) does "
+                "not: send another one"
+            )
         with self._lock:
             self._orders = replace(
                 self._orders, task=self.task if self.task.needs_target else NAVIGATION, target=target

@@ -60,6 +60,10 @@ class Geofence:
         """Whether a position (x, y) of the robot's centre lies inside, with the margin."""
         return self._inner is None or bool(self._inner.covers(ShapelyPoint(position)))
 
+    def comes_near(self, target: Point, radius: float) -> bool:
+        """Whether the robot's centre can come so near to a target, metres, and stay inside with the margin."""
+        return self._inner is None or float(self._inner.distance(ShapelyPoint(target))) <= radius
+
     def holds(self, pose: Pose) -> bool:
         """Whether the robot lies inside with all of it when it stands at a pose."""
         if self._whole is None or not self._outline:

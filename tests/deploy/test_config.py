@@ -132,6 +132,11 @@ def test_command_line_values_are_read_as_the_parameter_wants_them(override, valu
         (["safety.geofence=[[0,0],[1,1]]"], None, ["safety.geofence", "fewer than 3 corners"]),
         (["safety.geofence=[[0,0],[2,2],[2,0],[0,2]]"], None, ["safety.geofence", "sides do not cross"]),
         (["safety.geofence=[[0,0],[0.3,0],[0.3,4]]"], None, ["geofence leaves no room", "0.3 m"]),
+        (
+            ["safety.geofence=[[0,0],[4,0],[4,4],[0,4]]", "decision.task=navigation", "decision.goal=9,2"],
+            None,
+            ["decision.goal must lie inside safety.geofence", "got (9, 2)"],
+        ),
         (["ros.connect=tcp/127.0.0.1"], None, ["ros.connect", "must be tcp/HOST:PORT", "got 'tcp/127.0.0.1'"]),
         (["ros.listen=serial/x"], None, ["ros.listen", "udp/HOST:PORT", "unixsock-stream/PATH", "got 'serial/x'"]),
         (["ros.connect="], None, ["connect or listen needs an endpoint"]),

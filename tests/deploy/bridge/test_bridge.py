@@ -5,6 +5,7 @@ import os
 import signal
 import threading
 import time
+from dataclasses import replace
 
 import pytest
 
@@ -234,9 +235,26 @@ def test_a_stop_latched_before_the_start_outlives_autostart():
                 assert eventually(lambda: robot.status["scans"] > 3)
                 ask(robot, "release", **OPERATOR)
                 time.sleep(1.0)
-                assert state(robot) == "idle"
+                assert (state(robot), robot.status["reason"]) == ("idle", "waits for the command to start")
                 ask(robot, "start")
                 assert eventually(lambda: state(robot) == "running")
             finally:
                 stop.set()
                 thread.join()
+
+
+def test_the_answer_to_a_command_does_not_repeat_what_held_the_robot_before_it(pair, robot):
+    bridge = pair[1]
+    ask(robot, "start")
+    assert eventually(lambda: state(robot) == "running", 30)
+    told = []
+
+    def answered_at_once():
+        # Between two passes of the decision loop.
+        bridge._outcome = replace(bridge._outcome, hold="something closes the way", course=None)
+        told.append(ask(robot, "return_home"))
+        ask(robot, "explore")
+        return told[-1]["state"] == "returning"
+
+    assert eventually(answered_at_once, 10)
+    assert all("closes the way" not in answer["reason"] for answer in told)

@@ -5,6 +5,7 @@ import pytest
 from deploy.bridge.command_text import CommandError, parse
 from deploy.bridge.commands import Commands
 from deploy.bridge.mission import Mission, Phase
+from deploy.safety.geofence import Geofence
 
 
 class Gate:
@@ -76,6 +77,8 @@ def test_a_release_needs_who_and_why_and_starts_nothing(paused):
         with pytest.raises(CommandError, match="the emergency stop is latched"):
             commands.carry_out(verb, arguments)
     assert commands.carry_out("release", {"who": "anna", "why": "clear"})["state"] == "aborted"
+    # It stands, but not "until it is released".
+    assert mission.orders.reason == "emergency stop released by anna: clear: the robot stands until it is told to start"
     with pytest.raises(CommandError, match="nothing to resume"):
         commands.carry_out("resume", {})
     assert commands.carry_out("goal", {"x": 4.0, "y": 0.0})["state"] == "aborted"
@@ -88,3 +91,13 @@ def test_a_release_that_another_node_overrules_fails():
     gate.pressed = True
     with pytest.raises(CommandError, match="its topic says so again"):
         commands.carry_out("release", {"who": "anna", "why": "clear"})
+
+
+def test_a_goal_outside_the_geofence_is_refused_and_the_last_one_stays():
+    fence = Geofence(((-1.0, -1.0), (5.0, -1.0), (5.0, 5.0), (-1.0, 5.0)), 0.3)
+    mission = Mission("exploration", permits=lambda target: fence.comes_near(target, 0.8))
+    commands = Commands(mission, Gate(), lambda: {"state": mission.orders.phase.value})
+    commands.carry_out("goal", {"x": 5.4, "y": 2.0})
+    with pytest.raises(CommandError, match=r"inside the geofence \(safety.geofence\), \(5.6, 2\) does not"):
+        commands.carry_out("goal", {"x": 5.6, "y": 2.0})
+    assert mission.orders.target == (5.4, 2.0)

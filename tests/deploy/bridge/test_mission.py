@@ -21,6 +21,16 @@ def test_a_task_runs_from_start_to_end():
     assert mission.orders.episode == episode + 1
 
 
+def test_what_a_robot_waits_for_is_told_until_it_has_orders():
+    mission = Mission("exploration", waits="starts by itself with a map and a pose")
+    assert mission.orders.reason == "starts by itself with a map and a pose"
+    mission.wait_for_start()
+    assert mission.orders.reason == "waits for the command to start"
+    mission.start()
+    mission.wait_for_start()
+    assert (mission.orders.phase, mission.orders.reason) == (Phase.RUNNING, "started by command")
+
+
 def test_home_is_where_the_robot_is_when_it_is_started():
     places = iter([None, (1.0, 2.0), (5.0, 5.0)])
     mission = Mission("exploration", here=lambda: next(places))
