@@ -17,6 +17,8 @@ class GateMode(StrEnum):
     """Zeros for `safety.zero_for`, then the watchdog ends."""
     BRIDGE_SILENT = "bridge_silent"
     """Zeros: the bridge lives but says nothing."""
+    RIVAL = "rival"
+    """Zeros: the watchdog of another bridge commands the same robot."""
     SENSOR_STALE = "sensor_stale"
     """Zeros: no scan, cloud or map came for too long."""
     POSE_STALE = "pose_stale"

@@ -11,6 +11,7 @@ from typing import Final
 from common.system.documents import parse_json
 from deploy.config import DeployConfig
 from deploy.ros2 import LATCHED, SENSOR, STATIC, Message, Node, QoS, Received
+from deploy.ros2.names import topic_name
 from deploy.safety.gate_state import GateMode
 from deploy.safety.rules import GateRules
 
@@ -49,12 +50,17 @@ class WatchdogInputs:
         self._wake = wake
         self._wake_unless_clear = wake_unless_clear
         self._other: tuple[float, str] | None = None
+        self.robot: tuple[str, ...] = ()
+        """Full names of the topics that make the robot drive or stand: another watchdog on one of them is a rival."""
         self._clock_offset: float | None = None
         self._fixed: dict[str, str] = {}
 
     def subscribe(self, node: Node) -> None:
         """Listen to the topics that the configuration names."""
         config, topics = self._config, self._config.topics
+        self.robot = tuple(
+            topic_name(topic, node.namespace, topics.remap) for topic in (topics.velocity, topics.stop) if topic
+        )
         # What stops comes first: nothing moves before sensors are heard, and declarations travel in their order.
         if topics.emergency_stop:
             node.subscribe(topics.emergency_stop, "std_msgs/msg/Bool", self._heard_emergency_stop, STOPS)
@@ -142,17 +148,19 @@ class WatchdogInputs:
 
     def _heard_watchdog(self, status: Message, received: Received) -> None:
         try:
-            other, mode = (parse_json(status.data)[key] for key in ("watchdog", "mode"))
+            told = parse_json(status.data)
+            other, mode, robot = told["watchdog"], told["mode"], {str(topic) for topic in told["robot"]}
         except (ValueError, TypeError, KeyError):
             return
         # One that only waits for its end gives way by itself.
-        if other == self._identity or mode == GateMode.BRIDGE_GONE:
+        if other == self._identity or mode == GateMode.BRIDGE_GONE or robot.isdisjoint(self.robot):
             return
         if self._rules.bridge_gone:
             self._wake()
         elif self._other is None or self._other[1] != other:
             log.warning("another watchdog sends velocities as well: is a second bridge running for this robot?")
         self._other = received.time, other
+        self._rules.rival_time = received.time
 
     def _note_clock(self, payload: bytes, received: Received) -> None:
         if len(payload) >= 12 and payload[1] in _STAMP:

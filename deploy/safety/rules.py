@@ -16,6 +16,8 @@ STOP_ALL: Final = 2
 GO: Final = 0
 # Stops the robot on whatever way it was when the operator took it over; then only the operator's velocities count.
 _TAKEOVER_ZEROS: Final = 0.3
+# Another watchdog that was not heard for so long, seconds, has ended; it reports once a second.
+_RIVAL: Final = 2.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +83,8 @@ class GateRules:
         self._finishing: float | None = None
         self.sensor_time: float | None = None
         self.pose_time: float | None = None
+        self.rival_time: float | None = None
+        """When another bridge was last heard to command this robot."""
         self.outside = ""
         """Where the robot stands outside the geofence; empty while it is inside."""
 
@@ -175,6 +179,10 @@ class GateRules:
             return GateMode.HELD, "the bridge ends"
         if now - self._bridge > config.bridge_timeout:
             return GateMode.BRIDGE_SILENT, f"the bridge said nothing for {config.bridge_timeout:g} s"
+        if self.rival_time is not None and now - self.rival_time <= _RIVAL:
+            return GateMode.RIVAL, (
+                "another bridge commands this robot too, on the same topic for velocities or stops: end one of the two"
+            )
         for mode, what, last, limit, where in (
             (GateMode.SENSOR_STALE, self._sensor_name, self.sensor_time, config.scan_timeout, self._awaited.sensor),
             (GateMode.POSE_STALE, "pose", self.pose_time, config.pose_timeout, self._awaited.pose),

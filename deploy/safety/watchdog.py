@@ -167,7 +167,8 @@ class Watchdog(Closing):
             self._channel.send(**asdict(self._state(decision, now)))
         if changed or now >= self._next_status:
             self._next_status = now + _STATUS_PERIOD
-            status = {"watchdog": self._id, **asdict(self._state(decision, now))}
+            state = asdict(self._state(decision, now))
+            status = {"watchdog": self._id, **state, "robot": self._inputs.robot}
             self._status.publish(message("std_msgs/msg/String", self._config.ros.distro, data=json.dumps(status)))
 
     def _state(self, decision: Decision, now: float) -> GateState:

@@ -72,6 +72,15 @@ def test_a_robot_outside_the_fence_is_stopped_but_an_operator_can_drive_it_back(
     assert healthy(rules, 12.0).decide(12.0).mode is GateMode.CLEAR
 
 
+def test_a_rival_holds_until_it_has_been_silent_for_a_while():
+    rules = healthy(make(), 1.0)
+    rules.rival_time = 1.0
+    decision = rules.decide(1.0)
+    assert (decision.mode, decision.velocity, decision.stop) == (GateMode.RIVAL, ZERO, 2)
+    assert healthy(rules, 3.4).decide(3.4).mode is GateMode.RIVAL
+    assert healthy(rules, 3.6).decide(3.6).mode is GateMode.CLEAR
+
+
 def test_silent_bridge_stops_and_may_come_back():
     rules = healthy(make(bridge_timeout=0.3), 1.0)
     assert rules.decide(1.29).mode is GateMode.CLEAR

@@ -126,6 +126,25 @@ def test_joystick_takes_over(driving):
     assert time.monotonic() - released > safety.joy_release
 
 
+def test_another_bridge_for_the_same_robot_holds_both_and_one_for_another_robot_neither(driving):
+    robot, other, _ = driving
+    elsewhere = configuration(
+        ros={"connect": robot.config.ros.connect}, topics={"velocity": "/r2/cmd_vel", "stop": "/r2/stop"}
+    )
+    with bridge(elsewhere) as neighbour:
+        assert eventually(lambda: neighbour.state()["clear"], 60.0)
+        time.sleep(1.5)
+        assert other.state()["clear"]
+    # Its name may be any: it has no say here.
+    with bridge(robot.config.model_copy(update={"name": "twin"})) as twin:
+        assert eventually(lambda: twin.state()["mode"] == other.state()["mode"] == "rival", 60.0)
+        report("rival", robot.time_to_zero(time.monotonic()))
+        time.sleep(3.0)
+        assert robot.velocity() == ZERO
+        assert "another bridge commands this robot too" in other.state()["reason"]
+    assert eventually(lambda: other.state()["clear"] and robot.velocity() == (1.0, 0.2), 10.0)
+
+
 def test_speed_is_limited(driving):
     robot, other, safety = driving
     other.tell("command", 8.0, 0.0)
