@@ -215,7 +215,7 @@ class Bridge(Closing):
             self._mission.emergency_stop(self._gate.state.reason)
         if self._live is not None:
             self._live.refresh(self._planners)
-        outcome = self._outcome = self._loop.step()
+        outcome = self._outcome = self._loop.step(in_other_hands=self._gate.state.in_other_hands)
         rivals = self._rivals.problem
         if rivals:
             outcome = self._outcome = replace(outcome, hold=rivals, course=None, aim=None)

@@ -98,10 +98,16 @@ class DecisionLoop:
         with self._blocked_lock:
             self._blocked = reason
 
-    def step(self) -> Outcome:
-        """Run one pass: refresh the map, check health, and plan when it is due."""
+    def step(self, *, in_other_hands: bool = False) -> Outcome:
+        """Run one pass: refresh the map, check health, and plan when it is due.
+
+        Args:
+            in_other_hands: somebody else has the robot, which is no time without progress.
+        """
         now, began = self._clock(), time.perf_counter()
         orders = self._obey(now)
+        if in_other_hands:
+            self._supervisor.wait(now)
         mapper = self._refresh(now)
         pose = self._map.pose
         self._check(mapper, now)

@@ -179,6 +179,9 @@ class DrivingLoop(Closing):
         if request.route[0] not in self._route or (self._told_blocked and request.route != self._route):
             # Somewhere else, not just further along the old way; or another way after one that was blocked.
             self._planner.reset()
+        if self._gate.state.in_other_hands:
+            # A robot that does not do what it is told for that is not blocked.
+            self._planner.reset()
         if request.route != self._route:
             self._route, self._told_blocked = request.route, False
         reach = self._config.costmap_size / 2.0

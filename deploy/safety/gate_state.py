@@ -67,6 +67,11 @@ class GateState:
     alive: bool = True
 
     @property
+    def in_other_hands(self) -> bool:
+        """Whether somebody else has the robot: an operator with a joystick, or another bridge."""
+        return self.alive and self.mode in {GateMode.OVERRIDDEN, GateMode.RIVAL}
+
+    @property
     def clear(self) -> bool:
         """Whether the robot may move by the bridge's will."""
         return self.alive and self.mode is GateMode.CLEAR

@@ -82,7 +82,7 @@ class Trial:
             clock=lambda: self.now,
         )
         self.sensing = True
-        self.frozen = False
+        self.frozen = self.in_other_hands = False
         self.distance = 0.0
         self.outcomes = []
 
@@ -92,7 +92,7 @@ class Trial:
             self.map.add(self.simulator.scan(), self.pose)
             self.health.heard_sensor(self.now)
         self.health.heard_pose(self.now, self.now, self.pose)
-        outcome = self.loop.step()
+        outcome = self.loop.step(in_other_hands=self.in_other_hands)
         self.outcomes.append(outcome)
         if outcome.aim is not None and not self.frozen:
             self._drive(outcome.aim, 2.0 * TICK)

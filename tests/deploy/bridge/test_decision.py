@@ -272,6 +272,14 @@ def test_a_waypoint_that_cannot_be_reached_is_left_alone_for_a_while():
     assert trial.run(300, ended).orders.phase is Phase.FINISHED
 
 
+def test_time_in_other_hands_is_no_time_without_progress():
+    trial = started(ROOMS, safety={"progress_time": 3.0, "blacklist_time": 10.0})
+    trial.frozen = trial.in_other_hands = True
+    assert not trial.run(10).bans
+    trial.in_other_hands = False
+    assert trial.run(5, lambda o: bool(o.bans)).bans
+
+
 def test_a_blocked_way_is_left_at_once():
     trial = started(ROOMS)
     waypoint = trial.run(2).course.waypoint
