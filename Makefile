@@ -16,7 +16,7 @@ JSON ?= build/bench.json
 # Children that a test starts, and the two processes of a parallel run, read what one has translated.
 unexport PYTHONDONTWRITEBYTECODE
 # A file's tests stay in one process, so that what they share is made once; in the order of tests/conftest.py.
-PARALLEL := -n $(JOBS) --dist loadfile --no-loadscope-reorder
+PARALLEL := -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations 12
 
 .DEFAULT_GOAL := help
 .PHONY: help install kernels run demo check test test-twice test-all test-page ros-environment test-ros lint types format docs bench bench-compare paper soak faults fuzz clean
