@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from actors.environment import Environment
 from actors.evaluation.episode import run_episode as run_planner
-from actors.evaluation.step_limit import step_limit
+from actors.evaluation.step_limit import step_limit, warn_of_limit
 from actors.expert import make_expert
 from actors.maps.grid_map import GridMap
 from actors.maps.sources import fixed_numbers, open_sources
 from actors.simulators.base import Simulator
 from actors.tasks import make_goal
 from common.config import FamilyConfig, MappingConfig, RunConfig, TaskConfig
-from common.errors import ConfigError
+from common.errors import ConfigError, MapError
 from common.messages.experience import FAILURE
 from common.planners.reference import ReferenceRoute
 from common.planners.registry import make_planner
@@ -99,6 +100,20 @@ class Arena:
     def fixed(self, number: int) -> Stage:
         """Return the episode in world ``number`` of the source, the same in every round of evaluation."""
         return self._stage(self.source.world(number), self._draw_mapping(np.random.default_rng(number)))
+
+    def limit_warning(self, count: int) -> str:
+        """Return a sentence where `task.max_steps` is too small for some of ``count`` worlds; else an empty one.
+
+        A family with a limit of its own gets what each world needs, and who drives to a target needs far less.
+        """
+        if self._settings.max_steps is not None or self._task.kind.needs_target:
+            return ""
+        worlds = []
+        for number in fixed_numbers(self.source, count):
+            # An unusable map is skipped here as it is when its turn comes.
+            with suppress(MapError):
+                worlds.append(self.source.world(number))
+        return warn_of_limit(worlds, self._task.max_steps, self._config.mapping)
 
     def classical_distance(self, number: int) -> float:
         """Return how far the classical planner of the task drives in the world of `fixed`, metres."""

@@ -26,6 +26,8 @@ log = logging.getLogger(__name__)
 
 # Unusable maps in a row before the source counts as broken.
 MAX_BAD_MAPS = 20
+# Worlds that a warning about the step limit looks at, a fraction of a second of work.
+_LOOKED_AT = 4
 
 
 class Collector:
@@ -93,6 +95,9 @@ class Collector:
             for arena in self._arenas:
                 for spec in config.sources(config.mix[0], arena.task, evaluate=evaluate):
                     _tell_unsuited(spec, config.mapping)
+        for warning in dict.fromkeys(arena.limit_warning(_LOOKED_AT) for arena in self._arenas):
+            if warning:
+                log.warning("%s where the learner starts", warning)
         self.worlds: list[tuple[Arena, int]] = []
         if evaluate:
             each, over = divmod(config.maps.validation_count, len(self._arenas))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import subprocess
 
-from common.config import RunConfig
+from common.config import MapsConfig, RunConfig
 from common.errors import ConfigError
 from common.extensions import GENERATOR_PREFIX
 from common.system.runtime import python_module
@@ -29,6 +29,7 @@ def check_maps(config: RunConfig, *, elsewhere: bool = False) -> None:
     Raises:
         ConfigError: a source cannot be used, or there is none to train in.
     """
+    _tell_of_other_worlds(config)
     for task in config.tasks:
         families = [family for family in config.mix if family.serves(task.name)]
         for family in families:
@@ -49,6 +50,23 @@ def check_maps(config: RunConfig, *, elsewhere: bool = False) -> None:
             task.name,
             config,
         )
+
+
+def _tell_of_other_worlds(config: RunConfig) -> None:
+    """Warn where evaluators are left with the default worlds, which are not of the kind that the run trains in."""
+    default = MapsConfig().validation
+    kinds = {source.partition("?")[0] for source in config.maps.train}
+    if config.families or config.maps.validation != default or kinds & {source.partition("?")[0] for source in default}:
+        return
+    logger.warning(
+        "the run trains in %s, and evaluators choose its best policy in %s: set maps.validation to worlds of the same "
+        "kind, such as %s",
+        ", ".join(config.maps.train),
+        ", ".join(default),
+        next(
+            (f"{kind}?seed=1000000" for kind in sorted(kinds) if kind.startswith(GENERATOR_PREFIX)), "FOLDER#validation"
+        ),
+    )
 
 
 def _check(specs: list[str], task: str, config: RunConfig) -> None:

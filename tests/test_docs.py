@@ -20,6 +20,8 @@ from tests.docs.commands import (
     check_generators,
     check_setting,
     command_lines,
+    examples,
+    help_texts,
 )
 from tests.docs.pages import ROOT, Page, Piece, pages
 from tests.docs.sources import FOLDERS, PACKAGES, comments, definitions, docstrings, messages, modules, path_of
@@ -56,10 +58,10 @@ def refused(pieces: Iterator[Piece] | list[Piece], checks: Callable[[str], None]
     return found
 
 
-def check_lines(text: str) -> None:
+def check_lines(text: str, *, whole: bool = False) -> None:
     """Check lines of shell; BadCommandError when a program would not understand one."""
     for words in command_lines(text):
-        check(words)
+        check(words, whole=whole)
         check_generators(" ".join(words))
 
 
@@ -96,7 +98,13 @@ def test_commands_are_those_that_the_programs_understand():
     spans = [span for page in pages() for span in page.spans() if span.text.startswith(starts)]
     blocks = [block for page in pages() for block in page.blocks() if block.language == "sh"]
     assert len(blocks) > 20 and len(spans) > 50
-    complain(refused([*blocks, *spans], check_lines))
+    complain(refused(blocks, partial(check_lines, whole=True)) + refused(spans, check_lines))
+
+
+def test_examples_in_help_are_those_that_the_programs_understand():
+    pieces = [Piece(text.place, line) for text in help_texts() for line in examples(text.text)]
+    assert len(pieces) > 60
+    complain(refused(pieces, partial(check_lines, whole=True)))
 
 
 def test_generators_and_extras_are_there():

@@ -124,5 +124,5 @@ def _left(waiting: Sequence[str]) -> str:
 
 def _command(table: Table) -> str:
     command = "hd-deploy demo" if table.kind == "demo" else f"hd-eval {table.kind}"
-    options = shlex.join(table.options).replace("{maps}", "MAPS").replace("{scenes}", "build/paper/scenes")
-    return f"`{command} --planner NAME {options}`".replace("'", "")
+    options = [option.format(maps="MAPS", scenes="build/paper/scenes") for option in table.options]
+    return f"`{command} --planner NAME {shlex.join(options)}`"

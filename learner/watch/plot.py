@@ -94,7 +94,7 @@ def plot_run(
         by_family: one picture for each family of worlds, beside one another.
 
     Raises:
-        CheckpointError: the run has no finished episode.
+        CheckpointError: the run has no finished episode, or too few for a point.
         ConfigError: matplotlib is not installed, or does not know the format.
     """
     with optional("a plot", "plots"):
@@ -102,21 +102,30 @@ def plot_run(
 
     episodes = folder / "episodes.jsonl"
     whole = read_curves(episodes, window)
+    if not any(len(curve.updates) for curve in whole):
+        raise CheckpointError(
+            f"{episodes} holds too little for a curve: expected {LEAST_WINDOW} training episodes that the policy drove, "
+            "or one of evaluation; wait for them"
+        )
     panels = read_family_curves(episodes, window) if by_family else {f"run {folder.name}": whole}
     columns = ceil(sqrt(len(panels)))
     rows = ceil(len(panels) / columns)
     width, height = (8.0, 5.6) if len(panels) == 1 else (4.2 * columns, 3.6 * rows)
     figure = Figure(figsize=(width, height), layout="constrained")
     places = figure.subfigures(rows, columns, squeeze=False).reshape(-1)
+    explained = False
     for place, (title, curves) in zip(places, panels.items(), strict=False):
         above, below = place.subplots(2, 1, sharex=True, height_ratios=[2, 1])
         above.set_title(title)
-        _draw(above, below, *curves, over)
         _draw_lines(above, lines)
+        _draw(above, below, *curves, over)
         if place is places[0]:
             above.set_ylabel("distance per episode (m)")
             below.set_ylabel("completed (%)")
+        # The first family may have no curve yet.
+        if not explained and above.get_legend_handles_labels()[0]:
             above.legend(loc="best", frameon=False)
+            explained = True
     out.parent.mkdir(parents=True, exist_ok=True)
     try:
         figure.savefig(out, dpi=110)

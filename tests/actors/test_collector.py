@@ -78,3 +78,27 @@ def test_validation_worlds_of_one_name_are_told_apart(tmp_path):
 def test_a_run_without_worlds_is_refused(role, setting):
     with pytest.raises(ConfigError, match=f"set {setting}, or `{setting[5:]}` of a family"):
         collector_of("exploration", role=role, overrides=[f"{setting}=[]"])
+
+
+@pytest.mark.parametrize(
+    ("overrides", "warned"),
+    [
+        (["maps.train=generator:office"], True),
+        (["maps.train=generator:office", "task.max_steps=800"], False),
+        (["maps.train=generator:office", "task.name=navigation"], False),
+        ([], False),
+    ],
+)
+def test_a_step_limit_that_the_worlds_exceed_is_named_at_the_start(overrides, warned, caplog):
+    collector, _ = collector_of(None, overrides=["simulator.name=grid", *overrides])
+    collector.close()
+    assert ("128 decisions are likely to be too few for 4 of 4 worlds" in caplog.text) == warned
+    assert ("--set task.max_steps=" in caplog.text) == warned
+
+
+def test_unusable_maps_do_not_keep_a_warning_about_the_limit_from_being_given(tmp_path, caplog):
+    simple(tmp_path / "good.png")
+    (tmp_path / "worse.png").write_bytes(b"no image")
+    collector, _ = collector_of(None, overrides=["simulator.name=grid", f"maps.train={tmp_path}"])
+    collector.close()
+    assert "likely to be too few" not in caplog.text

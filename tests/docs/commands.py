@@ -20,7 +20,7 @@ from common.errors import HDError
 from common.planners.registry import planner_names
 from deploy.profiles import DEPLOY
 from deploy.ros_arguments import BEGIN
-from tests.docs.pages import ROOT
+from tests.docs.pages import ROOT, Piece
 from tests.docs.sources import FOLDERS, PROJECT, modules
 
 SCRIPTS: dict[str, str] = PROJECT["project"]["scripts"]
@@ -62,6 +62,22 @@ def all_options() -> set[str]:
     return options
 
 
+def help_texts() -> Iterator[Piece]:
+    """Yield what the help of each command says, at the command's name."""
+    commands = [(name, program(name)) for name in [*SCRIPTS, *_PROGRAMS]]
+    while commands:
+        name, command = commands.pop()
+        commands += [(f"{name} {each}", part) for each, part in getattr(command, "commands", {}).items()]
+        yield from (Piece(f"{name} --help", text) for text in (command.help, command.epilog) if text)
+
+
+def examples(text: str) -> list[str]:
+    """Return the command lines of a help text: those that stand alone on a line, and those in backticks."""
+    starts = "|".join(re.escape(f"{name} ") for name in (*SCRIPTS, "python -m"))
+    alone = [re.split(r"\s{2,}", line.strip())[0] for line in re.findall(rf"^\s*(?:{starts}).*$", text, re.MULTILINE)]
+    return alone + [" ".join(span.split()) for span in re.findall(rf"`((?:{starts})[^`]+)`", text)]
+
+
 def command_lines(block: str) -> Iterator[list[str]]:
     """Yield the simple commands of a block of shell, taken apart into words."""
     lines = re.sub(r"(?:^|(?<=\s))#\s.*$", "", block.replace("\\\n", " "), flags=re.MULTILINE)
@@ -84,11 +100,16 @@ def command_lines(block: str) -> Iterator[list[str]]:
         yield words
 
 
-def check(words: list[str]) -> None:
+def check(words: list[str], *, whole: bool = False) -> None:
     """Check a simple command; a program that is not ours passes.
 
+    Args:
+        words: of the command.
+        whole: it is meant to be given as it stands, so what its program requires must be there.
+
     Raises:
-        BadCommandError: there is no such program, command, option, setting, planner, generator, extra, target or file.
+        BadCommandError: there is no such program, command, option, setting, planner, generator, extra, target or file,
+            an option lacks its value, or something required is missing.
     """
     words = words[: words.index(">")] if ">" in words else list(words)
     while words and (_ASSIGNMENT.match(words[0]) or words[0] in ("sudo", "exec", "nice")):
@@ -97,13 +118,13 @@ def check(words: list[str]) -> None:
         return
     name, arguments = words[0].rpartition("/")[2], words[1:]
     if name in SCRIPTS:
-        _check_program(name, arguments)
+        _check_program(name, arguments, whole=whole)
     elif re.fullmatch(r"python[\d.]*", name) and arguments[:1] == ["-m"]:
-        _check_module(arguments[1], arguments[2:])
+        _check_module(arguments[1], arguments[2:], whole=whole)
     elif name == "pytest":
         _check_files(arguments)
     elif name == "pip":
-        check_extras(" ".join(arguments))
+        check_extras(" ".join((name, *arguments)))
     elif name == "make":
         for target in arguments:
             if target not in TARGETS and not _ASSIGNMENT.match(target):
@@ -117,7 +138,9 @@ def check(words: list[str]) -> None:
 
 
 def check_extras(text: str) -> None:
-    """Check the extras of this package that a text names; BadCommandError for an unknown one."""
+    """Check the extras of this package that a text names; BadCommandError for an unknown one, or a name to install."""
+    if re.search(r"pip install (?:-\S+ )*'?hdplanner(?![\w.-])", text):
+        raise BadCommandError("hdplanner is on no package registry: pip installs a checkout or a wheel")
     for names in re.findall(r"(?:hdplanner|\.)\[([a-z,]+)\]", text):
         unknown = set(names.split(",")) - EXTRAS
         if unknown:
@@ -154,7 +177,7 @@ def check_setting(tree: ConfigTree, text: str) -> None:
                 raise BadCommandError(str(error)) from error
 
 
-def _check_program(name: str, arguments: list[str]) -> None:
+def _check_program(name: str, arguments: list[str], *, whole: bool = False) -> None:
     command = program(name)
     if name == "hd-deploy" and BEGIN in arguments:
         # What follows is ROS 2's; `deploy.ros_arguments` has tests of its own.
@@ -171,12 +194,18 @@ def _check_program(name: str, arguments: list[str]) -> None:
     if hasattr(command, "commands"):
         # Prose names an option by its program alone, whichever of its commands has it.
         options |= {option: one for part in command.commands.values() for one in part.params for option in one.opts}
+    needed = [one for one in command.params if one.required] if whole and "--help" not in arguments else []
+    missing = [one.opts[0] for one in needed if one.param_type_name == "option" and not {*one.opts} & {*arguments}]
+    if missing:
+        raise BadCommandError(f"{name} lacks {', '.join(missing)}")
+    wanted = sum(max(one.nargs, 1) for one in needed if one.param_type_name == "argument")
     words = [word.strip("[]") if word.startswith("[-") else word for word in arguments]
     while words:
         word = words.pop(0)
         if word in ("--help", "-h", "--install-completion", "--show-completion"):
             continue
         if not re.match(r"-{1,2}[a-z]", word):
+            wanted -= 1
             places -= not _PLACEHOLDER.fullmatch(word)
             continue
         option, equals, value = word.partition("=")
@@ -186,10 +215,16 @@ def _check_program(name: str, arguments: list[str]) -> None:
         if parameter.is_flag:
             continue
         values = [value] if equals else [words.pop(0) for _ in range(min(parameter.nargs, len(words)))]
+        if len(values) < parameter.nargs or {*values} & {*options}:
+            # Prose may name an option alone.
+            if values or whole:
+                raise BadCommandError(f"{option} of {name} lacks its value")
         for given in values:
             _check_value(name.split()[0], parameter, given)
     if places < 0 and command.params:
         raise BadCommandError(f"{name} takes no further argument: {arguments}")
+    if wanted > 0:
+        raise BadCommandError(f"{name} lacks an argument: {arguments}")
 
 
 def _check_value(script: str, parameter: Any, value: str) -> None:
@@ -218,11 +253,11 @@ def _fuzzer() -> dict[str, ast.Module]:
     return {"tests.fuzz.__main__": ast.parse((ROOT / "tests" / "fuzz" / "__main__.py").read_text("utf-8"))}
 
 
-def _check_module(name: str, arguments: list[str]) -> None:
+def _check_module(name: str, arguments: list[str], *, whole: bool = False) -> None:
     if name == "pytest":
         _check_files(arguments)
     elif name in _PROGRAMS:
-        _check_program(name, arguments)
+        _check_program(name, arguments, whole=whole)
     elif name.partition(".")[0] in FOLDERS:
         known_modules = {**modules(), **_fuzzer()}
         if not {name, f"{name}.__main__"} & set(known_modules) and not (ROOT / f"{name.replace('.', '/')}.py").exists():

@@ -95,7 +95,7 @@ def _prose_of(path: Path) -> str:
 def pages() -> tuple[Page, ...]:
     """Every page that describes how things are; the changelog describes how they were."""
     paths = [
-        *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")),
+        *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md", "ros2/README.md")),
         *sorted(ROOT.glob("docs/**/*.md")),
     ]
     return tuple(Page(path) for path in paths)

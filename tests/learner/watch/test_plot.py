@@ -1,6 +1,7 @@
 """The learning curve as a picture."""
 
 import json
+import re
 
 import pytest
 from typer.testing import CliRunner
@@ -44,6 +45,32 @@ def test_the_command_writes_a_picture(runs, tmp_path):
     assert result.exit_code == 0, result.output
     assert out.read_bytes().startswith(b"\x89PNG")
     assert "1 evaluations, newest 80.0 m, 50% complete" in result.stdout
+
+
+def test_a_yardstick_above_the_curves_is_inside_the_picture(runs, tmp_path):
+    out = tmp_path / "curve.svg"
+    words = ["plot", "--runs", str(runs), "--run", "office", "--out", str(out), "--line", "random=900"]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    drawn = out.read_text()
+    place = re.search(r"<!-- random 900 m -->\s*<g[^>]* transform=\"translate\([\d.]+ ([-\d.]+)\)", drawn)
+    height = re.search(r"height=\"([\d.]+)pt\"", drawn)
+    assert 0.0 < float(place[1]) < float(height[1])
+
+
+def test_a_family_without_a_curve_yet_leaves_its_picture_empty(runs, tmp_path):
+    episodes = runs / "office" / "episodes.jsonl"
+    lines = [json.dumps(json.loads(line) | {"family": "tunnel"}) for line in episodes.read_text().splitlines()]
+    episodes.write_text("\n".join([json.dumps(row(0.0) | {"family": "office"}), *lines, ""]))
+    words = ["plot", "--runs", str(runs), "--run", "office", "--out", str(tmp_path / "curve.png"), "--by-family"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.exception
+
+
+def test_too_few_episodes_for_a_curve_are_an_error_in_one_line(runs):
+    (runs / "office" / "episodes.jsonl").write_text("".join(json.dumps(row(60.0 * i)) + "\n" for i in range(9)))
+    result = CliRunner().invoke(app, ["plot", "--runs", str(runs), "--run", "office"])
+    assert result.exit_code == 1
+    assert "expected 10 training episodes" in result.stderr
 
 
 def test_a_window_and_updates_can_be_chosen(runs, tmp_path):
