@@ -58,14 +58,13 @@ def _tell_of_other_worlds(config: RunConfig) -> None:
     kinds = {source.partition("?")[0] for source in config.maps.train}
     if config.families or config.maps.validation != default or kinds & {source.partition("?")[0] for source in default}:
         return
+    generated = sorted(kind for kind in kinds if kind.startswith(GENERATOR_PREFIX))
     logger.warning(
         "the run trains in %s, and evaluators choose its best policy in %s: set maps.validation to worlds of the same "
         "kind, such as %s",
         ", ".join(config.maps.train),
         ", ".join(default),
-        next(
-            (f"{kind}?seed=1000000" for kind in sorted(kinds) if kind.startswith(GENERATOR_PREFIX)), "FOLDER#validation"
-        ),
+        f"{generated[0]}?seed=1000000" if generated else "FOLDER#validation",
     )
 
 

@@ -104,8 +104,8 @@ def plot_run(
     whole = read_curves(episodes, window)
     if not any(len(curve.updates) for curve in whole):
         raise CheckpointError(
-            f"{episodes} holds too little for a curve: expected {LEAST_WINDOW} training episodes that the policy drove, "
-            "or one of evaluation; wait for them"
+            f"{episodes} holds too little for a curve: expected {LEAST_WINDOW} training episodes that the policy drove "
+            "or one of evaluation: wait for them"
         )
     panels = read_family_curves(episodes, window) if by_family else {f"run {folder.name}": whole}
     columns = ceil(sqrt(len(panels)))

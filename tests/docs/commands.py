@@ -215,10 +215,9 @@ def _check_program(name: str, arguments: list[str], *, whole: bool = False) -> N
         if parameter.is_flag:
             continue
         values = [value] if equals else [words.pop(0) for _ in range(min(parameter.nargs, len(words)))]
-        if len(values) < parameter.nargs or {*values} & {*options}:
-            # Prose may name an option alone.
-            if values or whole:
-                raise BadCommandError(f"{option} of {name} lacks its value")
+        # Prose may name an option alone.
+        if (values or whole) and (len(values) < parameter.nargs or {*values} & {*options}):
+            raise BadCommandError(f"{option} of {name} lacks its value")
         for given in values:
             _check_value(name.split()[0], parameter, given)
     if places < 0 and command.params:
