@@ -73,7 +73,7 @@ PUBLIC_SETS: Final = {
         PublicSet("exploration-medium", "exploration", _ARIADNE, "DungeonMaps/medium", 100, _MIT, _BENCH),
         PublicSet("exploration-complex", "exploration", _ARIADNE, "DungeonMaps/complex", 100, _MIT, _BENCH),
         PublicSet("navigation-train", "navigation", _CONTEXT, "DungeonMaps/pp/train", 5018, _MIT, "training"),
-        PublicSet("navigation-test", "navigation", _CONTEXT, "DungeonMaps/pp/test", None, _MIT, _BENCH),
+        PublicSet("navigation-test", "navigation", _CONTEXT, "DungeonMaps/pp/test", 200, _MIT, _BENCH),
         PublicSet(
             "floorplans",
             "exploration",
