@@ -1,4 +1,6 @@
-"""Regret of policies on the same held-out states: ``python -m benchmarks.regret A.safetensors B.safetensors``.
+"""Regret of policies on the same held-out states: ``python -m benchmarks.regret exploration B.safetensors``.
+
+A policy is a file, or ``exploration`` for the one that ships.
 
 The first policy drives through fresh worlds of each family, drawing its actions, and the privileged expert labels every
 state on the way. The regret of a policy is the detour, in metres, of the waypoint that it would choose there.
@@ -7,7 +9,6 @@ state on the way. The regret of a policy is the detour, in metres, of the waypoi
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 
@@ -20,9 +21,11 @@ from actors.simulators.factory import make_simulator
 from actors.tasks import make_goal
 from actors.transition_recorder import TransitionRecorder
 from common.config import MappingConfig, RewardConfig, SimulatorConfig, TaskConfig
+from common.errors import HDError
 from common.messages.experience import Chunk
 from common.policies.policy import Policy
 from common.policies.policy_file import read_policy
+from common.policies.shipped import policy_path
 
 FAMILIES = ("rooms", "office", "warehouse", "tunnel")
 # A detour counts at most so many metres, as in imitation.
@@ -71,26 +74,33 @@ def regret(policy: Policy, chunks: list[Chunk]) -> np.ndarray:
 
 
 def run(
-    policies: list[Path], worlds: int = 3, steps: int = 60, seed: int = 3_000_000
+    policies: list[str], worlds: int = 3, steps: int = 60, seed: int = 3_000_000
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Return the regret of each policy in every state of each family, metres."""
-    loaded = [read_policy(path)[0] for path in policies]
-    figures: dict[str, dict[str, np.ndarray]] = {path.stem: {} for path in policies}
+    """Return the regret of each policy in every state of each family, metres; by their names, as they were given.
+
+    Raises:
+        CheckpointError: a policy cannot be read.
+    """
+    loaded = [read_policy(policy_path(name))[0] for name in policies]
+    figures: dict[str, dict[str, np.ndarray]] = {name: {} for name in policies}
     for family in FAMILIES:
         chunks = states(loaded[0], family, worlds, steps, seed)
-        for path, policy in zip(policies, loaded, strict=True):
-            figures[path.stem][family] = regret(policy, chunks)
+        for name, policy in zip(policies, loaded, strict=True):
+            figures[name][family] = regret(policy, chunks)
     return figures
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("policies", nargs="+", type=Path, help="policy files; the first one drives")
+    parser.add_argument("policies", nargs="+", help="files, or what ships: exploration; the first one drives")
     parser.add_argument("--worlds", type=int, default=3, help="worlds of each family")
     parser.add_argument("--steps", type=int, default=60, help="decisions in each world at most")
     parser.add_argument("--seed", type=int, default=3_000_000, help="of the worlds")
     arguments = parser.parse_args()
-    table = run(arguments.policies, arguments.worlds, arguments.steps, arguments.seed)
+    try:
+        table = run(arguments.policies, arguments.worlds, arguments.steps, arguments.seed)
+    except HDError as error:
+        parser.exit(1, f"error: {error}\n")
     first = next(iter(table.values()))
     print(f"{'mean metres (paired standard error against the first)':<56}")
     print(f"{'policy':<20}" + "".join(f"{f'{family}, {len(first[family])}':>18}" for family in FAMILIES))

@@ -12,6 +12,7 @@ import pytest
 from common.config.load import RUN
 from deploy.profiles import DEPLOY
 from tests.docs.commands import (
+    EXTRAS,
     SCRIPTS,
     BadCommandError,
     all_options,
@@ -111,6 +112,23 @@ def test_generators_and_extras_are_there():
     pieces = [piece for page in pages() for piece in (*page.spans(), *page.blocks())]
     pieces += [*docstrings(), *messages()]
     complain(refused(pieces, check_extras) + refused(pieces, check_generators))
+
+
+def test_installation_lists_every_extra():
+    table = (ROOT / "docs" / "install.md").read_text("utf-8").partition("\n## ")[0]
+    rows = re.findall(r"^\| (`.+?) \|", table, re.MULTILINE)
+    assert {name for row in rows for name in re.findall(r"`(\w+)`", row)} == EXTRAS
+
+
+def test_every_page_is_reached_by_links_from_the_first_one():
+    reached, waiting = set(), [ROOT / "README.md"]
+    while waiting:
+        path = waiting.pop()
+        if path not in reached and path.suffix == ".md":
+            reached.add(path)
+            targets = {link.text.partition("#")[0] for link in Page(path).links() if "://" not in link.text}
+            waiting += [(path.parent / target).resolve() for target in targets if target]
+    complain([str(page) for page in pages() if page.path not in reached])
 
 
 def test_links_lead_somewhere():
