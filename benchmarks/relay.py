@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import multiprocessing
 import os
 import statistics
@@ -74,6 +75,8 @@ def robot(begin: Any, results: Any) -> None:
 
 def main() -> None:
     """Measure and print a table."""
+    if importlib.util.find_spec("rclpy") is None:
+        sys.exit("error: rclpy is not installed here: run `make ros-environment`, then .venv-ros/bin/python")
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     endpoint = free_endpoint()
     settings = [f"ros.domain={DOMAIN}", "topics.points=/cloud", "sensing.source=points"]

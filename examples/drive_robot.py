@@ -5,7 +5,7 @@ endpoint a simulated robot and its bridge are started beside this program, with 
 `pybullet`.
 """
 
-import sys
+import argparse
 import time
 from pathlib import Path
 
@@ -39,8 +39,11 @@ def drive(endpoint: str) -> None:
 
 def main() -> None:
     """Drive the robot at the endpoint of the command line, or a simulated one."""
-    if len(sys.argv) > 1:
-        drive(sys.argv[1])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("endpoint", nargs="?", help="where the robot's bus listens, such as tcp/192.168.1.5:7447")
+    endpoint = parser.parse_args().endpoint
+    if endpoint is not None:
+        drive(endpoint)
         return
     robot = ["--map", WORLD, "--speed-factor", "4"]
     with Deployment(load_deploy_config(), [], robot, ["--planner", "nearest"], Path("runs/example-robot")) as simulated:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,15 +82,18 @@ def measure_all(worlds: Sequence[GridMap]) -> dict[str, NDArray[np.float64]]:
 def distance(reference: NDArray[np.float64], other: NDArray[np.float64]) -> float:
     """Return the mean gap between two quantile functions, in standard deviations of the reference.
 
-    Numbers that are not finite are left out; NaN when a set has none left. Two samples of 300 from one distribution
-    are about 0.1 apart.
+    Numbers that are not finite are left out; NaN when a set has none left, infinite when all numbers of the reference
+    are the same and those of the other set are not. Two samples of 300 from one distribution are about 0.1 apart.
     """
     a, b = reference[np.isfinite(reference)], other[np.isfinite(other)]
     if not len(a) or not len(b):
         return float("nan")
     levels = np.linspace(0.02, 0.98, 49)
     gap = np.abs(np.quantile(a, levels) - np.quantile(b, levels)).mean()
-    return float(gap / max(a.std(), 1e-9))
+    if gap == 0.0:
+        return 0.0
+    spread = a.std()
+    return float(gap / spread) if spread > 0.0 else inf
 
 
 def open_by_square(mask: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:

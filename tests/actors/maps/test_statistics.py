@@ -147,3 +147,9 @@ def test_commands(tmp_path: Path) -> None:
     assert wrong.exit_code == 1 and "no generator 'nope'" in wrong.output
     missing = runner.invoke(app, ["show", small, "--out", str(tmp_path / "no" / "a.png")])
     assert missing.exit_code == 1 and "make it first" in missing.output
+
+
+def test_sets_without_any_spread_are_the_same_or_infinitely_far_apart() -> None:
+    ones = np.ones(5)
+    assert distance(ones, ones) == 0.0
+    assert distance(ones, np.array([1.0, 2.0, 3.0])) == np.inf
