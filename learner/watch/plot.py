@@ -113,17 +113,21 @@ def plot_run(
     width, height = (8.0, 5.6) if len(panels) == 1 else (4.2 * columns, 3.6 * rows)
     figure = Figure(figsize=(width, height), layout="constrained")
     places = figure.subfigures(rows, columns, squeeze=False).reshape(-1)
+    end = max(float(_along(curve, over)[-1]) for curve in whole if len(curve.updates))
     explained = False
     for place, (title, curves) in zip(places, panels.items(), strict=False):
         above, below = place.subplots(2, 1, sharex=True, height_ratios=[2, 1])
         above.set_title(title)
         _draw_lines(above, lines)
         _draw(above, below, *curves, over)
+        # Families are seen side by side only where their curves run over the same.
+        below.set_xlim(0.0, 1.02 * max(end, 1.0))
         if place is places[0]:
             above.set_ylabel("distance per episode (m)")
             below.set_ylabel("completed (%)")
-        # The first family may have no curve yet.
-        if not explained and above.get_legend_handles_labels()[0]:
+        if not above.get_legend_handles_labels()[0]:
+            above.text(0.5, 0.5, "too few episodes yet", transform=above.transAxes, ha="center", va="center")
+        elif not explained:
             above.legend(loc="best", frameon=False)
             explained = True
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -143,7 +147,7 @@ def _draw(above: Axes, below: Axes, training: Curve, evaluation: Curve, over: Ov
             {"color": palette.CURVE.light, "label": "validation worlds, greedy", "marker": "o", "markersize": 3},
         ),
     ):
-        along = curve.minutes if over == "minutes" else curve.updates
+        along = _along(curve, over)
         if len(along):
             above.plot(along, curve.distance, **style)
             below.plot(along, 100.0 * curve.success, **style)
@@ -152,6 +156,10 @@ def _draw(above: Axes, below: Axes, training: Curve, evaluation: Curve, over: Ov
     below.set_xlabel(_OVER[over])
     for axes in (above, below):
         axes.grid(alpha=0.3)
+
+
+def _along(curve: Curve, over: Over) -> NDArray[np.float64]:
+    return curve.minutes if over == "minutes" else curve.updates
 
 
 def _draw_lines(axes: Axes, lines: Mapping[str, float]) -> None:
