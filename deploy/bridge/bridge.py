@@ -215,10 +215,11 @@ class Bridge(Closing):
             self._mission.emergency_stop(self._gate.state.reason)
         if self._live is not None:
             self._live.refresh(self._planners)
-        outcome = self._outcome = self._loop.step(in_other_hands=self._gate.state.in_other_hands)
-        rivals = self._rivals.problem
-        if rivals:
-            outcome = self._outcome = replace(outcome, hold=rivals, course=None, aim=None)
+        unheard = self._outputs.unheard(now)
+        outcome = self._outcome = self._loop.step(in_other_hands=bool(unheard) or self._gate.state.in_other_hands)
+        held = self._rivals.problem or (unheard if outcome.orders.moving else "")
+        if held:
+            outcome = self._outcome = replace(outcome, hold=held, course=None, aim=None)
         if outcome.course is not None and not outcome.hold:
             self._driving.follow(outcome.course.route)
         else:

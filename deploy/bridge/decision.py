@@ -102,7 +102,7 @@ class DecisionLoop:
         """Run one pass: refresh the map, check health, and plan when it is due.
 
         Args:
-            in_other_hands: somebody else has the robot, which is no time without progress.
+            in_other_hands: somebody else has the robot, or nobody drives it, which is no time without progress.
         """
         now, began = self._clock(), time.perf_counter()
         orders = self._obey(now)
@@ -120,7 +120,7 @@ class DecisionLoop:
                 self._stand(broken.reason)
                 self._next = now
             elif mapper is None or pose is None:
-                self._stand(diagnose(mapper, pose, self._mapping).text)
+                self._stand(self._map.statistics.outdated or diagnose(mapper, pose, self._mapping).text)
             elif self._due(mapper, pose, now):
                 decided = self._decide(mapper, pose, now)
             elif self._course is not None and now >= self._next:
@@ -182,7 +182,16 @@ class DecisionLoop:
         waypoint = course.waypoint if course else None
         is_free = free_in(mapper, with_room=course.with_room) if mapper is not None and course else None
         self._faults = self._health.check(now, waypoint=waypoint, is_free=is_free)
-        misplaced = self._map.statistics.misplaced
+        statistics = self._map.statistics
+        if statistics.outdated:
+            # Messages of TF do come, and it matters which does not.
+            self._faults = [
+                Fault(fault.kind, f"{fault.reason}, {statistics.outdated}")
+                if fault.kind is FaultKind.POSE_STALE
+                else fault
+                for fault in self._faults
+            ]
+        misplaced = statistics.misplaced
         if misplaced:
             # It takes nothing in for that.
             others = [fault for fault in self._faults if fault.kind is not FaultKind.MAP_STALE]

@@ -217,14 +217,14 @@ class Mission:
             self._orders = replace(orders, map_resets=orders.map_resets + 1, episode=orders.episode + 1)
 
     def forget_home(self) -> None:
-        """Forget where the task began, because the odometry began anew; what has to go to a known place ends."""
+        """Forget where the task began, because odometry or SLAM began anew; what has to go to a known place ends."""
         with self._lock:
             self._orders = replace(self._orders, home=None)
             lost = self._orders.purpose is Phase.RETURNING or self._orders.task.needs_target
             if lost and (self._orders.moving or self._orders.phase is Phase.PAUSED):
                 self._change(
                     Phase.ABORTED,
-                    "the odometry began anew, so home and targets lie elsewhere now: send a new goal, or `start`",
+                    "odometry or SLAM began anew, so home and targets lie elsewhere now: send a new goal, or `start`",
                 )
 
     def goal(self, target: Position) -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from math import atan2
-from typing import Any
+from math import atan2, pi, remainder
+from typing import Any, Final
 
 from common.geometry import Pose
 from common.planners.base import Planner, Position
@@ -18,6 +18,14 @@ from deploy.config import DeployConfig
 from deploy.ros2 import LATCHED, RELIABLE, Message, Node, Publisher, QoS, message
 from deploy.ros2.conversions import occupancy_grid, path, point_stamped, pose_stamped
 
+# A navigation stack whose robot has stood for so long, seconds, is told its goal again: it was not ready yet, refused
+# it, gave it up, or thinks that it is there. Its own recoveries (nav2 waits for 5 s) move the robot sooner.
+_GOAL_AGAIN: Final = 10.0
+# Less than this is standing, metres and radians.
+_STANDING: Final = (0.1, 0.2)
+# Nobody may have listened for so long, seconds, before the robot counts as one that nobody drives: links come back.
+_UNHEARD: Final = 3.0
+
 
 class Outputs:
     """Publishes on the topics that the configuration names."""
@@ -30,6 +38,9 @@ class Outputs:
         self._sent_pose: Position | None = None
         self._sent_aim: Position | None = None
         self._was_going = False
+        self._pose: Pose | None = None
+        self._stands: tuple[float, Pose] | None = None
+        self._heard: float | None = None
         self._next_waypoint = self._next_diagnostics = float("-inf")
         for name, kind, qos in (
             ("waypoint", "geometry_msgs/msg/PointStamped", RELIABLE),
@@ -56,15 +67,18 @@ class Outputs:
     def decision(self, outcome: Outcome, stamp: float, now: float) -> None:
         """Publish where the robot goes: with every decision, and at its rate in between.
 
-        A robot that has to stand is sent to where it is, once, so that a stack of its own stops as well.
+        A robot that has to stand is sent to where it is, once, so that a stack of its own stops as well; where its pose
+        is lost, that is the last one.
 
         Args:
             outcome: of this pass of the decision loop.
             stamp: robot time, seconds.
             now: monotonic seconds.
         """
-        course, pose = outcome.course, outcome.pose
+        course = outcome.course
+        pose = self._pose = outcome.pose or self._pose
         if course is None:
+            self._stands = self._sent_aim = None
             if self._was_going and pose is not None:
                 self._send("waypoint", point_stamped(stamp, self._frame, pose.position))
                 self._send_pose(pose.position, pose, stamp)
@@ -72,6 +86,9 @@ class Outputs:
             self._was_going = False
             return
         self._was_going = True
+        if self._stood(pose, now):
+            self._sent_pose = None
+            self._send_pose(course.waypoint, pose, stamp)
         aim = outcome.aim or course.waypoint
         if not outcome.decided and aim == self._sent_aim and now < self._next_waypoint:
             return
@@ -85,6 +102,25 @@ class Outputs:
         self._number("speed", self._config.driving.max_speed)
         if outcome.decided:
             self._number("runtime", outcome.seconds)
+
+    def unheard(self, now: float) -> str:
+        """Say that nobody hears where the robot is to go; empty while somebody does, and where the bridge drives.
+
+        Args:
+            now: monotonic seconds.
+        """
+        # Views listen to the others, too, but a topic for goals is there for nobody but the stack.
+        names = ("waypoint_pose",) if "waypoint_pose" in self._publishers else ("waypoint", "path")
+        told = [self._publishers[name] for name in names if name in self._publishers]
+        silent = told and not self._config.driving.enabled and not any(publisher.heard for publisher in told)
+        if not silent or self._heard is None:
+            self._heard = now
+        if now - self._heard <= _UNHEARD:
+            return ""
+        return (
+            f"nobody listens on {told[0].topic} to where the robot is to go: start the stack that drives it, or "
+            f"correct topics.{names[0]}"
+        )
 
     def status(self, status: Status, outcome: Outcome, explored_volume: float, stamp: float, now: float) -> None:
         """Publish the status, the figures of the CMU stack's planners, and once a second the diagnostics.
@@ -125,6 +161,18 @@ class Outputs:
             seen = scene(outcome, planner)
             if seen is not None:
                 self._send("scene", seen)
+
+    def _stood(self, pose: Pose | None, now: float) -> bool:
+        """Whether the robot stands for long enough to be told its goal again; that begins anew then."""
+        if pose is None:
+            return False
+        since, there = self._stands or (now, pose)
+        turned = abs(remainder(pose.yaw - there.yaw, 2.0 * pi))
+        if pose.distance_to(there.position) > _STANDING[0] or turned > _STANDING[1]:
+            since, there = now, pose
+        again = now - since >= _GOAL_AGAIN
+        self._stands = (now, pose) if again else (since, there)
+        return again
 
     def _send_pose(self, position: Position, pose: Pose | None, stamp: float) -> None:
         # A navigation stack begins anew with every goal pose, so it hears of changes alone.

@@ -144,6 +144,19 @@ class Intake:
         found = None if time is None else self._tree.lookup(frames.map, frames.base, time, 0.0)
         return None if found is None else found.pose
 
+    @property
+    def outdated(self) -> str:
+        """Which link of TF is too old to tell a pose, in words; empty where poses come by odometry, or none is."""
+        frames = self._names
+        time = self._tree.newest(frames.map, frames.base) if self._by_tf else None
+        link = "" if time is None else self._tree.outdated(frames.map, frames.base, time)
+        if not link:
+            return ""
+        return (
+            f"{link}, but that of {frames.base!r} {time:.3f} s: restart the SLAM or localisation that publishes the "
+            "first, or let both stamp by one clock"
+        )
+
     def add_pose(self, time: float, pose: Pose, floor: float, frame: str = "", child: str = "") -> Pose | None:
         """Add a pose of the odometry, with the frames of its message; it is ignored where poses come by TF.
 

@@ -36,7 +36,8 @@ class MapStatistics:
         problem: the last thing that went wrong, one line; empty when nothing did.
         free_area: area known to be free, square metres.
         explored_volume: voxels of 0.5 m with a point in them, cubic metres; 0 without clouds.
-        misplaced: why the robot may not be where the map has it, one sentence; empty while it is.
+        misplaced: why the robot may not be where the map has it, or home not where it was, one sentence; or empty.
+        outdated: which link of TF is too old to tell a pose, in words with a remedy; empty while none is.
     """
 
     received: int = 0
@@ -47,6 +48,7 @@ class MapStatistics:
     free_area: float = 0.0
     explored_volume: float = 0.0
     misplaced: str = ""
+    outdated: str = ""
 
 
 class RobotMap:
@@ -113,7 +115,11 @@ class RobotMap:
             The newest stamp of those that move the base, seconds; None without, and where poses come by odometry.
         """
         with self._intake_lock:
-            return self._intake.add_transforms(transforms, static)
+            moved = self._intake.add_transforms(transforms, static)
+            pose = self._intake.pose if moved is not None and self._config.sensing.source == "grid" else None
+            if moved is not None and pose is not None:
+                self._leapt = self._leaps.take(moved, pose) or self._leapt
+            return moved
 
     def add_scan(self, time: float, scan: Scan, frame: str = "") -> None:
         """Add a range scan; where ``sensing.source`` is another one it counts for `obstacles_near` alone.
@@ -195,7 +201,10 @@ class RobotMap:
                 pose = self._intake.pose
                 leapt, self._leapt = self._leapt, ""
             if leapt and self._survey.cells is not None:
-                self._survey.fit.doubt(leapt)
+                if self._config.sensing.source == "grid":
+                    self._survey.new_map.leapt(leapt)
+                else:
+                    self._survey.fit.doubt(leapt)
             if self._survey.by_octomap:
                 if cloud is not None:
                     self._survey.add_cloud(cloud)
@@ -216,7 +225,7 @@ class RobotMap:
                     self._config.driving.robot_radius,
                 )
             self._writer.write(pose)
-            if not self._survey.fit.problem:
+            if not self._survey.misplaced:
                 self._writer.mapper.passed(pose)
             self._writer.mapper.update(pose)
             return self._writer.mapper
@@ -240,7 +249,8 @@ class RobotMap:
                 problem=intake.messages.problem,
                 free_area=0.0 if cells is None else cells.free_area,
                 explored_volume=intake.volume.value,
-                misplaced=self._survey.fit.problem,
+                misplaced=self._survey.misplaced,
+                outdated=intake.outdated,
             )
 
     def obstacles_near(self, pose: Pose, radius: float) -> NDArray[np.float64]:

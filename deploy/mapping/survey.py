@@ -11,6 +11,7 @@ from deploy.mapping.fit import MapFit
 from deploy.mapping.intake import Cloud
 from deploy.mapping.log_odds import Beams, LogOddsGrid
 from deploy.mapping.measured_grid import MeasuredGrid
+from deploy.mapping.new_map import NewMapWatch
 from deploy.mapping.octomap import OctoMap
 from deploy.mapping.slam_grid import SlamGrid, resample
 
@@ -22,6 +23,7 @@ class Survey:
         cells: the grid; None before anything was measured.
         integrated: scans, clouds and maps that went into it.
         fit: whether scans fit it, after a leap of the pose; what is made of something else than scans is not compared.
+        new_map: whether a SLAM's map is another one than before.
     """
 
     def __init__(self, config: DeployConfig) -> None:
@@ -40,6 +42,7 @@ class Survey:
         self.cells: MeasuredGrid | None = None
         self.integrated = 0
         self.fit = MapFit()
+        self.new_map = NewMapWatch()
         self._octomap: OctoMap | None = None
         if sensing.octomap:
             self._octomap = OctoMap(sensing, min(sensing.range_max or mapping.sensor_range, mapping.sensor_range))
@@ -48,6 +51,11 @@ class Survey:
     def by_octomap(self) -> bool:
         """Whether clouds count as they are, and not as beams."""
         return self._octomap is not None
+
+    @property
+    def misplaced(self) -> str:
+        """Why the robot may not be where the map has it, or home not where it was, one sentence; empty otherwise."""
+        return self.fit.problem or self.new_map.problem
 
     def add_beams(self, beams: Beams, sensor: Pose) -> None:
         """Add a scan to the log-odds, or hold it back while it is in doubt whether it fits.
@@ -89,7 +97,9 @@ class Survey:
             # Cells on the corners of the SLAM's own need no resampling where the sizes agree.
             anchor = grid.origin[:2] if abs(grid.origin[2]) < 1e-6 else self._near_anchor(grid.origin[:2])
             self.cells = MeasuredGrid(self._mapping.resolution, anchor)
-        self.cells.replace(*resample(grid, self._sensing, self._mapping.resolution, self.cells.anchor))
+        cells, row, column = resample(grid, self._sensing, self._mapping.resolution, self.cells.anchor)
+        self.new_map.take(self.cells, cells, row, column)
+        self.cells.replace(cells, row, column)
         self.integrated += 1
 
     def _near_anchor(self, position: tuple[float, float]) -> tuple[float, float]:

@@ -91,6 +91,14 @@ class Publisher(Closing):
         self._publisher = _declare_publisher(session, endpoint)
         self._token = session.liveliness().declare_token(endpoint.token)
 
+    @property
+    def heard(self) -> bool:
+        """Whether anybody listens to the topic now, with the same type; what is latched is for those who come later."""
+        if self._endpoint.qos.transient_local:
+            return True
+        with self._lock:
+            return not self._closed and bool(self._publisher.matching_status.matching)
+
     def publish(self, message: Message) -> None:
         """Send a message; nobody needs to listen.
 

@@ -19,7 +19,7 @@ from deploy.ros2 import LATCHED, message
 from deploy.ros2.conversions import point_stamped
 from tests.common.bus.processes import eventually
 from tests.common.planners.worlds import ARMS
-from tests.deploy.bridge.robots import FakeRobot, network
+from tests.deploy.bridge.robots import FakeRobot, network, running_bridge
 
 OPERATOR = {"who": "anna", "why": "the hall is empty"}
 MAPPING = {"resolution": 0.25, "viewpoint_spacing": 2.0, "sensor_range": 10.0, "beacon_range": 10.0}
@@ -215,6 +215,26 @@ def test_an_emergency_stop_reaches_a_robot_whose_watchdog_has_just_died(pair, ro
     assert eventually(lambda: ask(robot, "status")["emergency_stop"], 0.5)
     assert eventually(lambda: gate.state.alive, 20)
     assert eventually(lambda: robot.status["gate"] == "emergency_stop")
+
+
+@pytest.mark.timeout(120)
+def test_a_robot_whose_stack_does_not_run_holds_and_says_so_until_it_does():
+    router, config = network(
+        mapping=MAPPING,
+        topics={"stop": "/stop", "waypoint_pose": "/goal_pose"},
+        decision={"planner": "nearest"},
+        safety={"scan_timeout": 3.0, "pose_timeout": 3.0, "progress_time": 1.0},
+    )
+    goals = []
+    with FakeRobot(ARMS, router) as robot, running_bridge(config):
+        assert eventually(lambda: robot.status.get("scans", 0) > 2, 30)
+        ask(robot, "start")
+        assert eventually(lambda: robot.status["reason"].startswith("nobody listens on /goal_pose"))
+        # That is no time in which places turn out to be out of reach.
+        time.sleep(2.0)
+        assert (state(robot), robot.status["bans"]) == ("holding", 0)
+        robot.node.subscribe("/goal_pose", "geometry_msgs/msg/PoseStamped", lambda m, _: goals.append(m))
+        assert eventually(lambda: state(robot) == "running" and goals)
 
 
 @pytest.mark.timeout(120)
