@@ -1,8 +1,9 @@
 """Whether what the robot sees fits the map that it made before its pose leapt.
 
-An odometry that begins anew puts the robot at its origin, wherever it stands: what it sees from then on would be drawn
-over the old map, and its home and target would be somewhere else. So after a leap the first scans are compared with the
-map before they go into it. Where the robot was really carried, or its localisation found back to the truth, they fit.
+An odometry that begins anew puts the robot at its origin, wherever it stands, and so does a SLAM or localisation that
+tells poses by TF: what it sees from then on would be drawn over the old map, and its home and target would be somewhere
+else. So after a leap the first scans are compared with the map before they go into it. Where the robot was really
+carried, or its localisation found back to the truth, they fit.
 """
 
 from __future__ import annotations
@@ -78,7 +79,7 @@ class MapFit:
         if told and median(told) < _FITS:
             self.problem = (
                 f"{self._why}, and what the robot sees does not fit its map any more (it agrees with "
-                f"{median(told):.0%} of the beams): the odometry began anew, or it lost its way. Put it right, or "
+                f"{median(told):.0%} of the beams): what tells its pose began anew, or lost its way. Put it right, or "
                 "send `reset` for a new map; home is forgotten with the old one"
             )
             if not self._misfit:

@@ -98,10 +98,8 @@ class RobotMap:
         """
         with self._intake_lock:
             base = self._intake.add_pose(time, pose, floor, frame, child)
-            leapt = "" if base is None else self._leaps.take(time, base)
-            if leapt:
-                self._intake.part()
-                self._leapt = leapt
+            if base is not None:
+                self._look_for_leap(time, base)
             return base
 
     def add_transforms(self, transforms: Iterable[StampedTransform], *, static: bool = False) -> float | None:
@@ -116,9 +114,9 @@ class RobotMap:
         """
         with self._intake_lock:
             moved = self._intake.add_transforms(transforms, static)
-            pose = self._intake.pose if moved is not None and self._config.sensing.source == "grid" else None
+            pose = None if moved is None else self._intake.pose
             if moved is not None and pose is not None:
-                self._leapt = self._leaps.take(moved, pose) or self._leapt
+                self._look_for_leap(moved, pose)
             return moved
 
     def add_scan(self, time: float, scan: Scan, frame: str = "") -> None:
@@ -297,6 +295,13 @@ class RobotMap:
             self._leapt = ""
             self._survey = Survey(self._config)
             self._writer = None
+
+    def _look_for_leap(self, time: float, pose: Pose) -> None:
+        """Note where a pose does not continue the one before; the caller holds the intake."""
+        leapt = self._leaps.take(time, pose)
+        if leapt:
+            self._intake.part()
+            self._leapt = leapt
 
     def _use_beams(self, beams: Beams, sensor: Pose) -> None:
         """Add a scan to the map; one that cannot be is dropped."""

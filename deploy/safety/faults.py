@@ -28,7 +28,7 @@ class FaultKind(StrEnum):
     POSE_JUMP = "pose_jump"
     """The pose moved faster than the robot can."""
     MAP_MISPLACED = "map_misplaced"
-    """After a jump or a silence of the odometry, what the robot sees does not fit its map, or is being compared; or its
+    """After a jump or a silence of the pose, what the robot sees does not fit its map, or is being compared; or its
     SLAM began a new map."""
     POLICY_ERROR = "policy_error"
     """The planner failed."""

@@ -53,6 +53,30 @@ def test_what_does_not_fit_stays_out_of_the_map_until_the_odometry_is_put_right(
     assert robot_map.statistics.integrated == before[0] + 5, "those that were compared count, too"
 
 
+def test_poses_that_come_by_transforms_are_compared_too():
+    robot_map, now = RobotMap(configure(sensing={"pose": "tf"})), 0.0
+
+    def see_by_transforms(correction, scans):
+        nonlocal now
+        for _ in range(scans):
+            now += 0.1
+            links = ("map", "odom", correction), ("odom", "base_link", HERE)
+            robot_map.add_transforms(
+                (now, parent, child, (at.x, at.y, 0.0), (0.0, 0.0, np.sin(at.yaw / 2), np.cos(at.yaw / 2)))
+                for parent, child, at in links
+            )
+            robot_map.add_scan(now, scan_at(room(), HERE))
+            robot_map.refresh()
+
+    see_by_transforms(Pose(0.0, 0.0), 5)
+    see_by_transforms(Pose(1.7, -0.8), 5)
+    assert "does not fit its map any more" in robot_map.statistics.misplaced
+    assert robot_map.statistics.integrated == 5
+    see_by_transforms(Pose(0.0, 0.0), 5)
+    assert not robot_map.statistics.misplaced
+    assert robot_map.statistics.integrated == 10
+
+
 def test_a_robot_that_was_carried_goes_on_with_its_map(known):
     robot_map, now = known
     there = Pose(7.0, 8.0, -2.0)
