@@ -109,17 +109,17 @@ class Outputs:
         Args:
             now: monotonic seconds.
         """
-        # Views listen to the others, too, but a topic for goals is there for nobody but the stack.
-        names = ("waypoint_pose",) if "waypoint_pose" in self._publishers else ("waypoint", "path")
-        told = [self._publishers[name] for name in names if name in self._publishers]
-        silent = told and not self._config.driving.enabled and not any(publisher.heard for publisher in told)
-        if not silent or self._heard is None:
+        name = "waypoint_pose" if "waypoint_pose" in self._publishers else "waypoint"
+        publisher = self._publishers.get(name)
+        if publisher is None or self._config.driving.enabled:
+            return ""
+        if publisher.heard or self._heard is None:
             self._heard = now
         if now - self._heard <= _UNHEARD:
             return ""
         return (
-            f"nobody listens on {told[0].topic} to where the robot is to go: start the stack that drives it, or "
-            f"correct topics.{names[0]}"
+            f"nobody listens on {publisher.topic} to where the robot is to go: start the stack that drives it, or "
+            f"correct topics.{name}, which may be empty"
         )
 
     def status(self, status: Status, outcome: Outcome, explored_volume: float, stamp: float, now: float) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import logging
 import math
+import re
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -34,6 +35,7 @@ _STEP: Final = 0.1
 _MAX_POINTS: Final = 400
 _MAX_PATH: Final = 500
 _HEIGHTS: Final = (0.1, 2.0)
+_SECONDS: Final = re.compile(r"\d+(\.\d+)? s\b")
 _ORDER: Final = ("status", "odometry", "watchdog", "scene", "path", "belief", "scan", "points")
 
 Roles = Mapping[str, tuple[str, str, QoS]]
@@ -173,8 +175,10 @@ class RobotFeed:
         if "odometry" not in self._kinds and pose is not None:
             self._put_pose(hub, pose, None)
         event = tuple(status.get(name) for name in ("state", "reason", "planner", "guard", "relieved"))
-        if event != self._last_event:
-            self._last_event = event
+        # What waits tells how long, and is no news twice a second.
+        words = tuple(_SECONDS.sub("s", part) if isinstance(part, str) else part for part in event)
+        if words != self._last_event:
+            self._last_event = words
             hub.append(self._channel("events"), [round(self._time_of_day(), 2), *event])
 
     def _put_watchdog(self, hub: Hub, message: Message) -> None:

@@ -21,7 +21,7 @@ export function showTask(list, status) {
     ["Frontiers", count(status.frontiers, "cell")],
     ["Graph", `${count(status.viewpoints, "viewpoint")}, ${count(status.beacons, "beacon")}`],
     ["Left alone", status.bans ? count(status.bans, "place") : ""],
-    ["Not seen", unseen && unseen.metres !== undefined ? number(unseen.metres, "m", 1) : ""],
+    ["Not seen", unseen ? number(unseen.length, "m", 1) : ""],
   ]);
 }
 

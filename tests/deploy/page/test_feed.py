@@ -1,5 +1,8 @@
 import json
+import re
 import time
+from dataclasses import fields
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -8,6 +11,8 @@ from common.geometry import Pose, Scan
 from common.page.hub import Hub
 from common.page.source import Command
 from deploy.bridge.command_text import CommandError
+from deploy.bridge.status import Status
+from deploy.bridge.unseen import Unseen
 from deploy.page.feed import RobotFeed, roles_of
 from deploy.page.replay import Replay
 from deploy.profiles import load_deploy_config
@@ -57,6 +62,25 @@ def test_the_newest_counts_and_waits_for_the_name():
     found = values(hub, view)
     assert found["robot/r/status"]["state"] == "idle"
     assert found["robot/r/pose"][:3] == [2.0, 0.0, 0.0], "the odometry's, not the status's"
+
+
+def test_what_waits_is_one_event_and_not_one_for_each_second():
+    feed, hub = RobotFeed(config()), Hub()
+    reasons = [f"no pose for {seconds / 2:.1f} s (limit 1 s)" for seconds in range(2, 12)]
+    for reason in [*reasons, "new target (1.00, 2.00)", "new target (3.00, 2.00)"]:
+        feed.take("status", text({"name": "r", "state": "holding", "reason": reason}))
+        feed.refresh(hub)
+    told = [json.loads(frame) for frame in hub.collect(watching(hub, "*")) if isinstance(frame, str)]
+    events = next(frame["series"]["robot/r/events"] for frame in told if "series" in frame)["items"]
+    assert [event[2] for event in events] == [reasons[0], "new target (1.00, 2.00)", "new target (3.00, 2.00)"]
+
+
+def test_the_page_reads_what_the_status_holds():
+    script = (files("deploy.page") / "static" / "panels.js").read_text()
+    for name, record in (("status", Status), ("unseen", Unseen)):
+        read = set(re.findall(rf"\b{name}\??\.(\w+)", script))
+        assert read
+        assert read <= {field.name for field in fields(record)}
 
 
 def test_a_scan_is_placed_by_pose_and_lidar_and_only_when_somebody_looks():
