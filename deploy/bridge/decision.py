@@ -13,6 +13,7 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status
 from common.planners.goals import nothing_to_see
+from common.system.logs import lasting
 from deploy.bridge.aim import Aim
 from deploy.bridge.completion import CompletionChecks
 from deploy.bridge.diagnosis import behind_closed_way, diagnose
@@ -22,6 +23,7 @@ from deploy.bridge.mission import Mission, Orders, Phase, too_far
 from deploy.bridge.outcome import Course, Outcome
 from deploy.bridge.plan_supervisor import PlanSupervisor
 from deploy.bridge.planner_selector import PlannerError, PlannerSelector
+from deploy.bridge.standing import Standing
 from deploy.bridge.unseen import Unseen
 from deploy.bridge.way_out import way_out
 from deploy.config import DecisionConfig, SafetyConfig
@@ -34,6 +36,8 @@ _MENDED_BY_PLANNING: Final = frozenset({FaultKind.WAYPOINT_OCCUPIED, FaultKind.P
 # A robot that moved less and learned nothing keeps its decision: planners take repeated questions from one place for
 # repeated failures.
 _MOVED: Final = 0.02
+# One that has not moved in so many times of no progress was sent to more than one place, and none of them is at fault.
+_UNMOVED: Final = 1.9
 
 
 class DecisionLoop:
@@ -78,6 +82,9 @@ class DecisionLoop:
         self._health = health
         self._clock = clock
         self._supervisor = PlanSupervisor(safety, mapping)
+        self._standing = Standing()
+        self._patience = _UNMOVED * safety.progress_time
+        self._unmoved = False
         self._checks = CompletionChecks(config.completion_checks)
         self._blocked = ""
         self._blocked_lock = threading.Lock()
@@ -108,8 +115,11 @@ class DecisionLoop:
         orders = self._obey(now)
         if in_other_hands:
             self._supervisor.wait(now)
+            self._standing.reset()
         mapper = self._refresh(now)
         pose = self._map.pose
+        stood = self._standing.seconds(now, pose)
+        self._unmoved = stood >= self._patience and not in_other_hands
         self._check(mapper, now)
         decided = False
         if orders.moving:
@@ -311,11 +321,22 @@ class DecisionLoop:
     def _watch(self, course: Course, mapper: Mapper, place: Pose, reached: Position | None, now: float) -> None:
         """Look whether the robot gets anywhere, and try something else when it does not."""
         vain = self._supervisor.watch(mapper, place, course, reached, now)
-        if vain:
+        if not vain:
+            return
+        if self._unmoved:
+            vain = (
+                "the robot does not move, wherever it is sent: is its stack in manual mode, are its motors off, is a "
+                "stop pressed, or is it stuck?"
+            )
+            log.warning("%s", vain, extra=lasting(lambda: self._unmoved))
+            self._supervisor.wait(now)
+        else:
             self._supervisor.give_up(course, vain, now)
-            self.planners.relieve(now, vain)
-            self._stand(vain)
-            self._next, self._asked = now, None
+        self.planners.relieve(now, vain)
+        # It was to move all the time.
+        self._course = self._aim = None
+        self._hold = vain
+        self._next, self._asked = now, None
 
     # Standing.
 
@@ -364,6 +385,7 @@ class DecisionLoop:
             self._mission.end(phase, text, self._episode)
 
     def _stand(self, why: str) -> None:
+        self._standing.reset()
         self._course = self._aim = None
         self._hold = why
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from math import atan2, pi, remainder
+from math import atan2
 from typing import Any, Final
 
 from common.geometry import Pose
@@ -13,6 +13,7 @@ from deploy.bridge.diagnostics import diagnostics
 from deploy.bridge.mission import Phase
 from deploy.bridge.outcome import Outcome
 from deploy.bridge.scene import scene
+from deploy.bridge.standing import Standing
 from deploy.bridge.status import Status
 from deploy.config import DeployConfig
 from deploy.ros2 import LATCHED, RELIABLE, Message, Node, Publisher, QoS, message
@@ -21,8 +22,6 @@ from deploy.ros2.conversions import occupancy_grid, path, point_stamped, pose_st
 # A navigation stack whose robot has stood for so long, seconds, is told its goal again: it was not ready yet, refused
 # it, gave it up, or thinks that it is there. Its own recoveries (nav2 waits for 5 s) move the robot sooner.
 _GOAL_AGAIN: Final = 10.0
-# Less than this is standing, metres and radians.
-_STANDING: Final = (0.1, 0.2)
 # Nobody may have listened for so long, seconds, before the robot counts as one that nobody drives: links come back.
 _UNHEARD: Final = 3.0
 
@@ -39,7 +38,7 @@ class Outputs:
         self._sent_aim: Position | None = None
         self._was_going = False
         self._pose: Pose | None = None
-        self._stands: tuple[float, Pose] | None = None
+        self._standing = Standing()
         self._heard: float | None = None
         self._next_waypoint = self._next_diagnostics = float("-inf")
         for name, kind, qos in (
@@ -78,7 +77,8 @@ class Outputs:
         course = outcome.course
         pose = self._pose = outcome.pose or self._pose
         if course is None:
-            self._stands = self._sent_aim = None
+            self._standing.reset()
+            self._sent_aim = None
             if self._was_going and pose is not None:
                 self._send("waypoint", point_stamped(stamp, self._frame, pose.position))
                 self._send_pose(pose.position, pose, stamp)
@@ -86,7 +86,8 @@ class Outputs:
             self._was_going = False
             return
         self._was_going = True
-        if self._stood(pose, now):
+        if self._standing.seconds(now, pose) >= _GOAL_AGAIN:
+            self._standing.reset()
             self._sent_pose = None
             self._send_pose(course.waypoint, pose, stamp)
         aim = outcome.aim or course.waypoint
@@ -161,18 +162,6 @@ class Outputs:
             seen = scene(outcome, planner)
             if seen is not None:
                 self._send("scene", seen)
-
-    def _stood(self, pose: Pose | None, now: float) -> bool:
-        """Whether the robot stands for long enough to be told its goal again; that begins anew then."""
-        if pose is None:
-            return False
-        since, there = self._stands or (now, pose)
-        turned = abs(remainder(pose.yaw - there.yaw, 2.0 * pi))
-        if pose.distance_to(there.position) > _STANDING[0] or turned > _STANDING[1]:
-            since, there = now, pose
-        again = now - since >= _GOAL_AGAIN
-        self._stands = (now, pose) if again else (since, there)
-        return again
 
     def _send_pose(self, position: Position, pose: Pose | None, stamp: float) -> None:
         # A navigation stack begins anew with every goal pose, so it hears of changes alone.

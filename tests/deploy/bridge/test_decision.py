@@ -272,6 +272,23 @@ def test_a_waypoint_that_cannot_be_reached_is_left_alone_for_a_while():
     assert trial.run(300, ended).orders.phase is Phase.FINISHED
 
 
+@pytest.mark.parametrize(
+    "task", [{"planner": "nearest"}, {"task": "navigation", "planner": "astar", "goal": [42.0, 6.0]}]
+)
+def test_a_robot_that_does_not_move_at_all_is_no_sign_that_places_are_out_of_reach(task, caplog):
+    trial = started(
+        DEAD_END if "goal" not in task else ROOMS, decision=task, safety={"progress_time": 3.0, "blacklist_time": 12.0}
+    )
+    trial.frozen = True
+    last = trial.run(120, ended)
+    assert last.orders.moving
+    assert len(last.bans) <= 2
+    assert last.relieved.startswith("the robot does not move, wherever it is sent")
+    assert "the robot does not move" in caplog.text
+    trial.frozen = False
+    assert trial.run(300, ended).orders.phase is Phase.FINISHED
+
+
 def test_time_in_other_hands_is_no_time_without_progress():
     trial = started(ROOMS, safety={"progress_time": 3.0, "blacklist_time": 10.0})
     trial.frozen = trial.in_other_hands = True
