@@ -13,31 +13,27 @@ from common.geometry import Pose
 from common.mapping.mapper import Mapper
 from common.planners.base import Plan, Position, Status
 from common.planners.goals import nothing_to_see
-from common.system.logs import lasting
 from deploy.bridge.aim import Aim
+from deploy.bridge.checkup import Checkup
 from deploy.bridge.completion import CompletionChecks
 from deploy.bridge.diagnosis import behind_closed_way, diagnose
-from deploy.bridge.legs import begun_at, drivable, free_in
+from deploy.bridge.legs import begun_at, drivable
 from deploy.bridge.map_source import MapSource
 from deploy.bridge.mission import Mission, Orders, Phase, too_far
 from deploy.bridge.outcome import Course, Outcome
 from deploy.bridge.plan_supervisor import PlanSupervisor
 from deploy.bridge.planner_selector import PlannerError, PlannerSelector
-from deploy.bridge.standing import Standing
+from deploy.bridge.standing import MotionCheck
 from deploy.bridge.unseen import Unseen
 from deploy.bridge.way_out import way_out
 from deploy.config import DecisionConfig, SafetyConfig
-from deploy.safety.health import Fault, FaultKind, HealthMonitor
+from deploy.safety.health import HealthMonitor
 
 log = logging.getLogger(__name__)
 
-# Faults that a decision can mend; all others hold the robot until they are over.
-_MENDED_BY_PLANNING: Final = frozenset({FaultKind.WAYPOINT_OCCUPIED, FaultKind.POLICY_ERROR})
 # A robot that moved less and learned nothing keeps its decision: planners take repeated questions from one place for
 # repeated failures.
 _MOVED: Final = 0.02
-# One that has not moved in so many times of no progress was sent to more than one place, and none of them is at fault.
-_UNMOVED: Final = 1.9
 
 
 class DecisionLoop:
@@ -79,12 +75,10 @@ class DecisionLoop:
         self._mapping = mapping
         self._map = robot_map
         self._mission = mission
-        self._health = health
+        self._checkup = Checkup(health, robot_map)
         self._clock = clock
         self._supervisor = PlanSupervisor(safety, mapping)
-        self._standing = Standing()
-        self._patience = _UNMOVED * safety.progress_time
-        self._unmoved = False
+        self._motion = MotionCheck(safety.progress_time)
         self._checks = CompletionChecks(config.completion_checks)
         self._blocked = ""
         self._blocked_lock = threading.Lock()
@@ -96,7 +90,6 @@ class DecisionLoop:
         self._aim: Aim | None = None
         self._unseen: Unseen | None = None
         self._hold = ""
-        self._faults: list[Fault] = []
         self._next = float("-inf")
         self._asked: tuple[Pose, int, int] | None = None
 
@@ -115,17 +108,16 @@ class DecisionLoop:
         orders = self._obey(now)
         if in_other_hands:
             self._supervisor.wait(now)
-            self._standing.reset()
+            self._motion.reset()
         mapper = self._refresh(now)
         pose = self._map.pose
-        stood = self._standing.seconds(now, pose)
-        self._unmoved = stood >= self._patience and not in_other_hands
-        self._check(mapper, now)
+        self._motion.take(now, pose)
+        self._checkup.check(mapper, self._course, now)
         decided = False
         if orders.moving:
             if mapper is not None:
                 self._supervisor.look(mapper, now)
-            broken = next((fault for fault in self._faults if fault.kind not in _MENDED_BY_PLANNING), None)
+            broken = self._checkup.holding
             if broken is not None:
                 self._stand(broken.reason)
                 self._next = now
@@ -181,31 +173,9 @@ class DecisionLoop:
 
     def _refresh(self, now: float) -> Mapper | None:
         mapper = self._map.refresh()
-        version = self._map.statistics.integrated
-        if version != self._version:
-            self._version = version
-            self._health.updated_map(now)
+        self._version = self._map.statistics.integrated
+        self._checkup.note_map(self._version, now)
         return mapper
-
-    def _check(self, mapper: Mapper | None, now: float) -> None:
-        course = self._course
-        waypoint = course.waypoint if course else None
-        is_free = free_in(mapper, with_room=course.with_room) if mapper is not None and course else None
-        self._faults = self._health.check(now, waypoint=waypoint, is_free=is_free)
-        statistics = self._map.statistics
-        if statistics.outdated:
-            # Messages of TF do come, and it matters which does not.
-            self._faults = [
-                Fault(fault.kind, f"{fault.reason}, {statistics.outdated}")
-                if fault.kind is FaultKind.POSE_STALE
-                else fault
-                for fault in self._faults
-            ]
-        misplaced = statistics.misplaced
-        if misplaced:
-            # It takes nothing in for that.
-            others = [fault for fault in self._faults if fault.kind is not FaultKind.MAP_STALE]
-            self._faults = [Fault(FaultKind.MAP_MISPLACED, misplaced), *others]
 
     def _due(self, mapper: Mapper, pose: Pose, now: float) -> bool:
         """Whether it is time to decide."""
@@ -218,7 +188,7 @@ class DecisionLoop:
         if blocked:
             self._supervisor.give_up(course, blocked, now)
             return True
-        if any(fault.kind is FaultKind.WAYPOINT_OCCUPIED for fault in self._faults) or self._arrived(mapper, pose):
+        if self._checkup.waypoint_occupied or self._arrived(mapper, pose):
             return True
         wanted = self._config.replan == "always" or self._seen(mapper, course.goal) or self._at_end(course, pose)
         if now < self._next or not wanted:
@@ -253,14 +223,12 @@ class DecisionLoop:
                 self.planners.begin_anew()
                 plan = self.planners.plan(mapper, place, now)
         except PlannerError as error:
-            self._health.policy_failed(error)
-            self._faults.append(Fault(FaultKind.POLICY_ERROR, str(error)))
+            self._checkup.planner_failed(error)
             self._stand(str(error))
             # The next pass asks the fallback.
             self._next, self._asked = now, None
             return False
-        self._health.policy_decided()
-        self._faults = [fault for fault in self._faults if fault.kind not in _MENDED_BY_PLANNING]
+        self._checkup.planner_decided()
         if plan.status is Status.GOING and not self._supervisor.allows(plan, place, now):
             plan = self._supervisor.around(mapper, place, now)
         elif plan.status is not Status.GOING:
@@ -323,12 +291,8 @@ class DecisionLoop:
         vain = self._supervisor.watch(mapper, place, course, reached, now)
         if not vain:
             return
-        if self._unmoved:
-            vain = (
-                "the robot does not move, wherever it is sent: is its stack in manual mode, are its motors off, is a "
-                "stop pressed, or is it stuck?"
-            )
-            log.warning("%s", vain, extra=lasting(lambda: self._unmoved))
+        if self._motion.problem:
+            vain = self._motion.problem
             self._supervisor.wait(now)
         else:
             self._supervisor.give_up(course, vain, now)
@@ -385,7 +349,7 @@ class DecisionLoop:
             self._mission.end(phase, text, self._episode)
 
     def _stand(self, why: str) -> None:
-        self._standing.reset()
+        self._motion.reset()
         self._course = self._aim = None
         self._hold = why
 
@@ -403,7 +367,7 @@ class DecisionLoop:
             relieved=self.planners.why_relieved if self.planners.relieved(now) else "",
             decided=decided,
             seconds=seconds,
-            faults=tuple(self._faults),
+            faults=tuple(self._checkup.faults),
             mapper=mapper,
             pose=pose,
             checks=self._checks.count,
