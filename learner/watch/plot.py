@@ -149,8 +149,10 @@ def _draw(above: Axes, below: Axes, training: Curve, evaluation: Curve, over: Ov
     ):
         along = _along(curve, over)
         if len(along):
-            above.plot(along, curve.distance, **style)
-            below.plot(along, 100.0 * curve.success, **style)
+            # A line of one point is none.
+            shown = style | {"marker": "o", "markersize": 3} if len(along) == 1 else style
+            above.plot(along, curve.distance, **shown)
+            below.plot(along, 100.0 * curve.success, **shown)
     above.set_ylim(bottom=0.0)
     below.set_ylim(-3, 103)
     below.set_xlabel(_OVER[over])
