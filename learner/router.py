@@ -16,7 +16,7 @@ from common.system.signals import stopping_signals
 logger = logging.getLogger(__name__)
 
 LOOK_SECONDS = 1.0
-FIRST_SECONDS = 10.0
+FIRST_SECONDS = 5.0
 """After which a router says that it has not found the other side."""
 
 

@@ -39,13 +39,13 @@ def test_what_stands_around_them_stays():
 def test_a_file_of_parameters(tmp_path):
     file = tmp_path / "robot.yaml"
     file.write_text(
-        "/**:\n  ros__parameters:\n    use_sim_time: false\n    decision: {planner: tour, goal: [1.5, -2.0]}\n"
+        "/**:\n  ros__parameters:\n    use_sim_time: false\n    decision: {planner: tour, goal: [7.5, 2.0]}\n"
         "    driving.enabled: true\n    safety.geofence: [[0, 0], [9, 0], [9, 9]]\n"
         "    topics: {remap: {/scan: /front}, joy: ''}\n",
         encoding="utf-8",
     )
     config = resolved("--ros-args", "--params-file", str(file))
-    assert (config.decision.planner, config.decision.goal, config.driving.enabled) == ("tour", (1.5, -2.0), True)
+    assert (config.decision.planner, config.decision.goal, config.driving.enabled) == ("tour", (7.5, 2.0), True)
     assert config.safety.geofence == ((0.0, 0.0), (9.0, 0.0), (9.0, 9.0))
     assert (config.topics.remap, config.topics.joy) == ({"/scan": "/front"}, "")
 

@@ -40,7 +40,7 @@ def gradients(module: torch.nn.Module) -> dict[str, torch.Tensor]:
     return found
 
 
-@settings(max_examples=examples(15), deadline=None)
+@settings(max_examples=examples(8), deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     count=st.integers(1, 5),

@@ -49,6 +49,7 @@ def test_it_drives_by_velocities_and_a_pause_is_zero_velocity():
     assert robot.velocities[-1][1] == (0.0, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(180)
 def test_a_way_is_not_blocked_while_an_operator_holds_the_stick():
     router, config = network(
