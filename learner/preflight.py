@@ -11,7 +11,7 @@ from common.config import RunConfig
 from common.system.addresses import check_free
 from common.system.remote_files import RemoteFolder
 from learner.algorithm.device import choose_device
-from learner.algorithm.initial_policy import check_initial
+from learner.algorithm.initial_policy import initial_weights
 from learner.watch.writers import check_writers
 
 
@@ -36,4 +36,4 @@ def check_needs(config: RunConfig, listens: Mapping[str, tuple[str, int]], *, be
     if config.checkpoints.mirror is not None:
         RemoteFolder(config.checkpoints.mirror)
     if begins:
-        check_initial(config)
+        initial_weights(config)

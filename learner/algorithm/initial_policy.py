@@ -29,24 +29,11 @@ def initial_weights(config: RunConfig) -> tuple[dict[str, NDArray[Any]], PolicyC
 
     Raises:
         CheckpointError: the initial policy cannot be read.
-        WeightsError: the network has no use for what its weights read.
-    """
-    if config.learner.initial_policy is None:
-        return None
-    weights, card = read_initial(config.learner.initial_policy)
-    return with_options(weights, card.network, config.network, config.seed), card
-
-
-def check_initial(config: RunConfig) -> None:
-    """Look at the initial policy before a run begins: an error should not wait until kernels are compiled.
-
-    Raises:
-        CheckpointError: it cannot be read.
-        WeightsError: it does not fit the configured network.
+        WeightsError: it does not fit the configured network; the error names the settings that it was trained with.
     """
     policy = config.learner.initial_policy
     if policy is None:
-        return
+        return None
     weights, card = read_initial(policy)
     try:
         begun = with_options(weights, card.network, config.network, config.seed)
@@ -54,4 +41,6 @@ def check_initial(config: RunConfig) -> None:
     except WeightsError as error:
         wanted = config.network.model_dump()
         other = [f"network.{name}={was}" for name, was in card.network.model_dump().items() if wanted[name] != was]
-        raise WeightsError(f"{policy} does not fit the network: {error}; that was {', '.join(other)}") from error
+        was_trained = f"; that was {', '.join(other)}" if other else ""
+        raise WeightsError(f"{policy} does not fit the network: {error}{was_trained}") from error
+    return begun, card
