@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from common.config import RunConfig
 from common.system.addresses import check_free
 from common.system.remote_files import RemoteFolder
+from learner.algorithm.compiled import check_compiler
 from learner.algorithm.device import choose_device
 from learner.algorithm.initial_policy import initial_weights
 from learner.watch.writers import check_writers
@@ -25,14 +26,17 @@ def check_needs(config: RunConfig, listens: Mapping[str, tuple[str, int]], *, be
 
     Raises:
         CheckpointError: the initial policy cannot be read.
-        ConfigError: the device is not there, a port is taken, or the mirror's URL cannot be used.
+        ConfigError: the device is not there or cannot be compiled for, a port is taken, or the mirror's URL cannot be
+            used.
         MissingPackageError: a tracker is not installed.
         WeightsError: the initial policy does not fit the network.
     """
     for option, (host, port) in listens.items():
         check_free(host, port, option)
     check_writers(config)
-    choose_device(config.learner.device)
+    device = choose_device(config.learner.device)
+    if config.learner.compile:
+        check_compiler(device)
     if config.checkpoints.mirror is not None:
         RemoteFolder(config.checkpoints.mirror)
     if begins:

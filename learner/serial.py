@@ -119,10 +119,13 @@ def run_serial(run: RunFolder, console: Console, *, resume: bool) -> None:
 
 
 def _compile(config: RunConfig, device: torch.device) -> None:
-    """Compile all kernels, unless that was done before: a signal breaks this off, while training would end its step."""
+    """Compile all kernels, unless that was done before: a signal breaks this off, while training would end its step.
+
+    What `learner.compile` compiles, each process makes or reads anew.
+    """
     network = config.network.model_dump_json()
     compile_kernels(network)
     use = f"serial {config.algorithm} {device.type} {network}"
-    if not is_prepared("learner", use):
+    if config.learner.compile or not is_prepared("learner", use):
         warm_up(config, device)
         note_prepared("learner", use)

@@ -157,6 +157,9 @@ class LearnerConfig(Section):
     """`auto` (CUDA if available), `cpu`, `cuda` or `cuda:N`."""
     precision: Literal["auto", "fp32", "bf16"] = "auto"
     """`auto`: bfloat16 autocast on GPUs and processors that have instructions for it, fp32 elsewhere."""
+    compile: bool = False
+    """Compile the encoder's layers with `torch.compile`, for GPUs: the learner then starts up to two minutes later, and
+    an update is fewer and larger kernels. On CPUs it gains little or nothing (docs/speed.md)."""
     threads: Annotated[int, Field(ge=0)] = 0
     """CPU threads for torch; 0 for the cores not used by local actors, at least 1."""
     augment: bool = True

@@ -37,12 +37,14 @@ class EdgeAttention(nn.Module):
 
     def forward(self, nodes: Tensor, batch: GraphBatch) -> Tensor:
         """Map node features (nodes, d) to (nodes, d)."""
-        qkv = self.qkv(nodes)
+        return self.out(self.mix(self.qkv(nodes), batch))
+
+    def mix(self, qkv: Tensor, batch: GraphBatch) -> Tensor:
+        """Attend with the nodes' queries, keys and values, side by side (nodes, 3 d); return (nodes, d)."""
         if qkv.device.type == "cpu":
             mixed: Tensor = _EdgeAttentionCpu.apply(qkv, batch, self.heads)  # type: ignore[no-untyped-call]
-        else:
-            mixed = edge_attention(qkv, batch, self.heads)
-        return self.out(mixed)
+            return mixed
+        return edge_attention(qkv, batch, self.heads)
 
 
 class CrossAttention(nn.Module):

@@ -14,7 +14,10 @@ from common.observations.feature_sets import feature_count
 
 
 class EncoderLayer(nn.Module):
-    """x + attention(norm(x)), then x + feed-forward(norm(x))."""
+    """x + attention(norm(x)), then x + feed-forward(norm(x)).
+
+    What reads no graph is in methods of its own, which `learner.algorithm.compiled` compiles.
+    """
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
@@ -25,7 +28,16 @@ class EncoderLayer(nn.Module):
 
     def forward(self, nodes: Tensor, batch: GraphBatch) -> Tensor:
         """Map node features (nodes, d) to (nodes, d)."""
-        nodes = nodes + self.attention(self.attention_norm(nodes), batch)
+        return self.complete(nodes, self.attention.mix(self.project(nodes), batch))
+
+    def project(self, nodes: Tensor) -> Tensor:
+        """Return queries, keys and values of nodes (nodes, d), side by side, shape (nodes, 3 d)."""
+        qkv: Tensor = self.attention.qkv(self.attention_norm(nodes))
+        return qkv
+
+    def complete(self, nodes: Tensor, mixed: Tensor) -> Tensor:
+        """Return the layer's output for its input and what `EdgeAttention.mix` made of it, all (nodes, d)."""
+        nodes = nodes + self.attention.out(mixed)
         return nodes + self.feedforward(self.feedforward_norm(nodes))
 
 

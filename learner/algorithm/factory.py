@@ -12,4 +12,7 @@ from learner.algorithm.sac import SacLearner
 
 def make_learner(config: RunConfig, device: torch.device) -> PolicyLearner:
     """Return a learner of `algorithm`, with the weights of the run's seed."""
-    return PpoLearner(config, device) if config.algorithm == "ppo" else SacLearner(config, device)
+    learner = PpoLearner(config, device) if config.algorithm == "ppo" else SacLearner(config, device)
+    if config.learner.compile:
+        learner.compile_networks()
+    return learner

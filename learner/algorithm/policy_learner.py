@@ -26,6 +26,7 @@ from learner.algorithm.auxiliary import AuxiliaryHeads
 from learner.algorithm.base import NotFiniteError, RanksError
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.cloning import Guidance, cloning_loss
+from learner.algorithm.compiled import compile_layers
 from learner.algorithm.contrastive import contrastive_loss
 from learner.algorithm.device import wants_bf16
 from learner.algorithm.losses import entropies
@@ -97,6 +98,11 @@ class PolicyLearner(ABC):
         """Return all that has weights or buffers to save, by name."""
         heads = {} if self._heads is None else {"auxiliary": self._heads}
         return {"policy": self.policy, "average": self.average, **heads}
+
+    def compile_networks(self) -> None:
+        """Compile the layers of all networks on their first use; see `compile_layers`."""
+        for module in self._modules().values():
+            compile_layers(module)
 
     # --- the contract of `Algorithm` -----------------------------------------------------------------------------
 
