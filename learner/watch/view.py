@@ -202,7 +202,7 @@ def _table(first: str) -> Table:
 
 
 class _Actors:
-    """Table of the actors; narrow terminals do without episodes and machines."""
+    """Table of the actors; narrow terminals do without episodes, machines and queues, and cut the state's end off."""
 
     def __init__(self, status: LearnerStatus) -> None:
         self._status = status
@@ -210,15 +210,16 @@ class _Actors:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         actors = self._status.actors
         wide = options.max_width >= 110
-        title = f"actors: {_alive(actors, 'actor')} alive"
-        evaluators = _alive(actors, "evaluator")
-        table = _table(title + (f", {evaluators} evaluate" if evaluators else ""))
-        for heading in ("steps/s", "stored", "version", "behind", "queue", "heard"):
+        title = f"alive: {_count(actors, 'actor')}"
+        if _alive(actors, "evaluator"):
+            title += f", {_count(actors, 'evaluator')}"
+        table = _table(title)
+        for heading in ("steps/s", "stored", "version", "behind", "heard", *(("queue", "episodes") if wide else ())):
             table.add_column(heading, justify="right", no_wrap=True)
         if wide:
-            table.add_column("episodes", justify="right", no_wrap=True)
             table.add_column("machine", no_wrap=True)
-        table.add_column("state", no_wrap=True, overflow="ellipsis")
+        # With a ratio it takes what the others leave; without one, a long state would shorten their figures.
+        table.add_column("state", no_wrap=True, overflow="ellipsis", ratio=1)
         for actor in actors[:MAX_ACTORS]:
             table.add_row(*_actor_row(actor, wide), style="" if actor.alive else "dim")
         hidden = len(actors) - MAX_ACTORS
@@ -236,13 +237,17 @@ def _actor_row(actor: ActorStatus, wide: bool) -> list[RenderableType]:
         f"{actor.steps:,}",
         f"{actor.version}" if actor.version >= 0 else "-",
         f"{actor.lag} ({actor.lag_seconds:.0f} s)" if actor.version >= 0 else "-",
-        f"{actor.buffered}",
         f"{actor.silent:.0f} s" if actor.silent >= 0 else "-",
     ]
     if wide:
-        cells += [f"{actor.episodes:,}", Text(actor.host)]
+        cells += [f"{actor.buffered}", f"{actor.episodes:,}", Text(actor.host)]
     cells.append(Text(actor.state) if actor.alive else Text("gone", style="red"))
     return cells
+
+
+def _count(actors: list[ActorStatus], role: str) -> str:
+    alive = _alive(actors, role)
+    return f"{alive} {role}{'' if alive == 1 else 's'}"
 
 
 def _alive(actors: list[ActorStatus], role: str) -> int:

@@ -77,10 +77,22 @@ def test_the_view_shows_every_figure_unshortened(width):
     for figure in (
         "office", "training", "54,321 steps", "122.5/s", "3,394", "7.25/s", "0.0624", "declared 0.0625", "54%",
         "best 37", "at 3200", "next in 123 s", "loss/critic 0.512", "251.3 m", "97%", "99.2%", "61.2", "2 (7 s)",
-        "12,345", "gone", "actors: 1 alive",
+        "12,345", "gone", "alive: 1 actor",
     ):  # fmt: skip
         assert figure in text, figure
     assert all(len(row) <= width for row in text.splitlines())
+
+
+def test_long_states_shorten_no_figure():
+    evaluator = dataclasses.replace(
+        ACTOR, name="local-eval-0", role="evaluator", version=19, lag=1, state="evaluating version 19: world 63 of 100"
+    )
+    text = drawn(dataclasses.replace(STATUS, actors=[ACTOR, evaluator]), 80)
+    assert "alive: 1 actor, 1 evaluator" in text
+    row = next(row for row in text.splitlines() if row.startswith("local-eval-0"))
+    assert row.split()[1:8] == ["61.2", "12,345", "19", "1", "(7", "s)", "0"]
+    assert "evalua" in row
+    assert all(len(line) <= 80 for line in text.splitlines())
 
 
 def test_the_view_of_a_run_that_has_just_begun_has_no_holes():
