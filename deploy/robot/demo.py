@@ -16,6 +16,7 @@ from typing import Any
 
 from rich.console import Console
 from rich.live import Live
+from rich.text import Text
 
 from actors.evaluation.video import write_frames
 from common.page.hub import PageError
@@ -74,8 +75,16 @@ def run_demo(
             live.update(live_view(belief, shot.pose, way, waypoint, _lines(trial, truth, status), columns))
             live.refresh()
 
+        def prepare(line: str) -> None:
+            # What a bridge logs begins with time, level and module.
+            message = line.partition(": ")[2] or line
+            if pictures:
+                live.update(Text(f"the bridge starts: {message}", style="dim"), refresh=True)
+            else:
+                log.info("the bridge starts: %s", message)
+
         try:
-            verdict = trial.run(limit, stop, tell, page)
+            verdict = trial.run(limit, stop, tell, page, prepare)
         finally:
             if video is not None and trial.shots:
                 path = folder / video
@@ -125,7 +134,7 @@ def _lines(trial: Trial, truth: dict[str, Any], status: dict[str, Any]) -> dict[
         "planner": f"{status['planner']}, p95 of decisions {1e3 * status['decision_p95']:.0f} ms",
         "explored": f"{trial.explored:.1%} of what can be reached, {status['explored_area']:.0f} m2",
         "graph": f"{status['viewpoints']} viewpoints, {status['frontiers']} frontiers, {status['beacons']} beacons",
-        "robot": f"{truth['distance']:.1f} m in {truth['time']:.0f} s, now {truth['speed']:.2f} m/s, "
+        "robot": f"{truth['distance']:.1f} m in {truth['time']:.0f} s, now {round(truth['speed'], 2) + 0.0:.2f} m/s, "
         f"{truth['collisions']} collisions, {truth['real_time_factor']:.2f} times real time",
         "watchdog": status["gate"],
     }

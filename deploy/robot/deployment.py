@@ -136,9 +136,9 @@ class Deployment(Closing):
                 raise DeploymentError(f"{what}: not within {seconds:.0f} s; status {self.status()}\n{tails}")
             time.sleep(0.02)
 
-    def log_tail(self, name: str) -> str:
+    def log_tail(self, name: str, lines: int = _LOG_TAIL) -> str:
         """Return the last lines that a process wrote."""
-        return "\n".join(self._log(name).read_text("utf-8", errors="replace").splitlines()[-_LOG_TAIL:])
+        return "\n".join(self._log(name).read_text("utf-8", errors="replace").splitlines()[-lines:])
 
     def close(self) -> None:
         """End both processes in good order, by force where that takes too long; safe to call twice."""

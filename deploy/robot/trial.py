@@ -124,6 +124,7 @@ class Trial:
         stop: threading.Event,
         tell: Callable[[Shot, dict[str, Any], dict[str, Any]], None] | None = None,
         beside: Callable[[DeployConfig], AbstractContextManager[object]] = nullcontext,
+        preparing: Callable[[str], None] | None = None,
     ) -> Verdict:
         """Run until the bridge says that it is done, ``limit`` seconds of the robot are over, or `stop` is set.
 
@@ -132,6 +133,7 @@ class Trial:
             stop: ends it early.
             tell: called with every recorded moment, the truth and the bridge's status.
             beside: what runs as long as robot and bridge do, such as a page; it is given the settings of their network.
+            preparing: called with each line that the bridge logs until it runs; a first start compiles for a minute.
 
         Raises:
             DeploymentError: a process ended or fell silent.
@@ -143,7 +145,7 @@ class Trial:
             Deployment(self._config, self._common, robot, bridge, self._folder) as deployment,
             beside(deployment.config),
         ):
-            began = self._wait_for_start(deployment, stop)
+            began = self._wait_for_start(deployment, stop, preparing)
             due = began
             while not stop.is_set():
                 deployment.check()
@@ -170,8 +172,17 @@ class Trial:
         way = ample_way(self.world, self._config.mapping.sensor_range)
         return max(_SHORTEST_LIMIT, way / (_SLOWEST_SHARE * self._config.driving.max_speed))
 
-    def _wait_for_start(self, deployment: Deployment, stop: threading.Event) -> float:
+    def _wait_for_start(
+        self, deployment: Deployment, stop: threading.Event, preparing: Callable[[str], None] | None
+    ) -> float:
+        said = ""
+
         def started() -> bool:
+            nonlocal said
+            newest = deployment.log_tail("bridge", 1)
+            if preparing is not None and newest != said:
+                said = newest
+                preparing(newest)
             status = deployment.status()
             return stop.is_set() or (
                 deployment.truth() is not None and status is not None and status["state"] != "idle"

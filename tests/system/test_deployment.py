@@ -59,6 +59,7 @@ def test_a_demo_in_a_floor_plan_crosses_a_door_of_90_cm(tmp_path):
     command = ["demo", "--map", world, "--planner", "nearest", "--folder", str(tmp_path), "--video", "demo.gif"]
     result = CliRunner().invoke(app, command)
     assert result.exit_code == 0, result.output
+    assert "the bridge starts: " in result.output
     verdict = json.loads((tmp_path / "verdict.json").read_text("utf-8"))
     # The alcove behind the second room's partition cannot be seen from this side of the door; the closet, behind a gap
     # that the robot does not fit through, is nothing that it owes.
