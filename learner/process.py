@@ -139,9 +139,9 @@ class Link(Closing):
     def _give_way(self, present: Collection[Process]) -> None:
         """Hold while an earlier learner of the run is in sight, and continue once it is gone."""
         holds = self._rivals.earlier(present)
-        if holds == self._trainer.held:
+        if holds == self._trainer.readiness.held:
             return
-        self._trainer.held = holds
+        self._trainer.readiness.held = holds
         if holds:
             # Deliveries of the actors on this side then find the way to the other learner.
             self._close_server()

@@ -56,9 +56,9 @@ class SerialTrainer(Trainer):
     def data_is_ready(self) -> bool:
         """Run episodes until the ratio allows the next update; return whether it does."""
         assert self._collector is not None, "call collect_here first"
-        if self._wait_for_room():
+        if self.readiness.wait_for_room():
             return False
-        while not (ready := self._may_learn()) and not self.finished:
+        while not (ready := self.readiness.may_learn()) and not self.finished:
             if self._version is not None:
                 version, self._version = self._version, None
                 self._collector.load(version.weights, version.version, version.updates)
@@ -82,7 +82,7 @@ class SerialTrainer(Trainer):
                 self.ingest.store(delivery)
                 return
             except StorageError:
-                while self._wait_for_room() and not self.stopping:
+                while self.readiness.wait_for_room() and not self.stopping:
                     pass
 
 

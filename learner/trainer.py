@@ -19,8 +19,9 @@ from learner.ingest import Ingest
 from learner.prefetch import Prefetch
 from learner.publishing import Publisher
 from learner.rate_limiter import RateLimiter
+from learner.readiness import WAIT_SECONDS, Readiness
 from learner.replay.buffer import ReplayBuffer
-from learner.replay.draw import draw_batch, may_draw
+from learner.replay.draw import draw_batch
 from learner.run.best import BestPolicy
 from learner.run.cards import PolicyCards
 from learner.run.checkpoints import CheckpointStore
@@ -38,7 +39,6 @@ from learner.watch.writers import make_writers
 
 logger = logging.getLogger(__name__)
 
-_WAIT_SECONDS = 0.2
 _EVALUATOR_SECONDS = 60.0
 
 
@@ -88,12 +88,9 @@ class Trainer:
         mirror = config.checkpoints.mirror
         self._mirror = None if mirror is None else Mirror(run.path, self.checkpoints, mirror)
         self._stop = threading.Event()
-        self._warned_unlabelled = False
+        self.readiness = Readiness(config, self.replay, self.limiter, self.disk, self._stop)
         self._rounds: list[Round] = []
         self._evaluated = -1
-        self.waiting = False
-        self.held = False
-        """Another learner of the run, which began earlier, is on the network: no update is made."""
         self.receivers = 0
         """Processes on the network that fetch each version."""
         self.ingest: Ingest
@@ -180,18 +177,8 @@ class Trainer:
         return self.limiter.updates >= self.config.learner.total_updates
 
     def data_is_ready(self) -> bool:
-        """Wait a moment for the data and the ratio that the next update needs; return whether they are there.
-
-        While the disk of the run is full they are not: what would be learnt could not be kept. Nor are they while an
-        earlier learner of the run is there.
-        """
-        ready = (
-            not self._wait_for_room()
-            and not self._wait_for_earlier()
-            and self.ingest.wait(self._may_learn, _WAIT_SECONDS)
-        )
-        self.waiting = not ready
-        return ready
+        """Wait a moment for all that the next update needs; return whether it is there; see `Readiness`."""
+        return self.readiness.wait(self.ingest)
 
     def sample(self) -> TransitionBatch:
         """Draw the batch of the next update, or take the one that was prepared during the last."""
@@ -200,7 +187,7 @@ class Trainer:
             batch = self._ahead.next(self.limiter.updates)
         else:
             size = self.config.learner.batch_size
-            batch = draw_batch(self.replay, self.config, size, self._rng, cloning=self.cloning)
+            batch = draw_batch(self.replay, self.config, size, self._rng, cloning=self.readiness.cloning)
         self.recorder.note("time/sample_ms", 1e3 * (time.perf_counter() - began))
         return batch
 
@@ -268,7 +255,7 @@ class Trainer:
         That is: it has come, no evaluator has said anything for a while, or the run was told to stop.
         """
         # Not the event's own wait: its lock is no place for a signal handler that sets it.
-        time.sleep(_WAIT_SECONDS)
+        time.sleep(WAIT_SECONDS)
         if self._stop.is_set() or self._evaluated >= self.ingest.version:
             return True
         return time.monotonic() - self.ingest.evaluated_at > _EVALUATOR_SECONDS
@@ -328,11 +315,6 @@ class Trainer:
     # --- what others see ---------------------------------------------------------------------------------------
 
     @property
-    def cloning(self) -> bool:
-        """Whether the next update only imitates the expert."""
-        return self.limiter.updates < self.config.cloning.updates
-
-    @property
     def state(self) -> str:
         """What the learner does now, one word."""
         if self.complete:
@@ -341,13 +323,13 @@ class Trainer:
             return "stopping"
         if self.disk.full:
             return "disk full"
-        if self.held:
+        if self.readiness.held:
             return "held"
         if self.limiter.paused:
             return "paused"
-        if self.waiting:
+        if self.readiness.waiting:
             return "waiting" if self.limiter.updates else "collecting"
-        return "cloning" if self.cloning else "training"
+        return "cloning" if self.readiness.cloning else "training"
 
     @property
     def uptime(self) -> float:
@@ -384,19 +366,6 @@ class Trainer:
 
     # --- parts -------------------------------------------------------------------------------------------------
 
-    def _wait_for_room(self) -> bool:
-        """Wait a moment when the disk is full; return whether it was."""
-        if not self.disk.holds():
-            return False
-        time.sleep(_WAIT_SECONDS)
-        return True
-
-    def _wait_for_earlier(self) -> bool:
-        """Wait a moment when another learner of the run goes first; return whether one does."""
-        if self.held:
-            time.sleep(_WAIT_SECONDS)
-        return self.held
-
     def _first_checkpoint(self) -> None:
         while True:
             try:
@@ -404,21 +373,8 @@ class Trainer:
                 return
             except StorageError as error:
                 self.disk.refused(error)
-            while self._wait_for_room():
+            while self.readiness.wait_for_room():
                 pass
-
-    def _may_learn(self) -> bool:
-        if self._stop.is_set() or not self.limiter.may_update():
-            return False
-        if may_draw(self.replay, self.config, cloning=self.cloning):
-            return True
-        if len(self.replay) and not self._warned_unlabelled:
-            self._warned_unlabelled = True
-            logger.warning(
-                "no labelled step received yet, so learning waits: actors label for imitation, for PPO and for "
-                "sac.privileged_critic, once they have this configuration"
-            )
-        return False
 
     def _wake(self) -> None:
         if hasattr(self, "ingest"):

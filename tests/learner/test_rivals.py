@@ -48,26 +48,26 @@ def test_the_later_one_holds_until_the_other_is_gone(tmp_path, caplog):
     caplog.set_level("INFO")
     with learner(tmp_path / "first") as (first, there):
         with learner(tmp_path / "second") as (second, here):
-            assert not first.held and not second.held
+            assert not first.readiness.held and not second.readiness.held
             with (
                 open_learner_session(loopback(connect=(here, there))) as between,
                 declare_presence(between, "test", "actor", "desk-1"),
             ):
-                assert eventually(lambda: second.held, 20.0)
+                assert eventually(lambda: second.readiness.held, 20.0)
                 # Versions wait for whoever fetches them.
                 assert eventually(lambda: first.receivers == 1, 20.0)
-                assert (second.state, first.held) == ("held", False)
+                assert (second.state, first.readiness.held) == ("held", False)
                 assert "This one began later, so it holds and takes nothing" in caplog.text
                 assert "It began later, so it has to hold" in caplog.text
                 updates = second.limiter.updates
                 deliver(here, "desk-0", 4, 0)
                 assert (second.limiter.steps, first.limiter.steps) == (0, 32)
                 assert second.limiter.updates == updates
-            assert eventually(lambda: not second.held, 20.0)
+            assert eventually(lambda: not second.readiness.held, 20.0)
             assert ": continuing" in caplog.text
             deliver(here, "desk-1", 3, 1)
             assert second.limiter.steps == 24
-        assert not first.held
+        assert not first.readiness.held
 
 
 def test_of_several_exactly_one_goes_on():
