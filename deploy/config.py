@@ -345,16 +345,13 @@ class DeployConfig(Section):
                 f"({driving.robot_radius} m), or the graph leads where the robot does not fit: raise it or leave it out"
             )
         if self.safety.geofence:
-            from deploy.fence import fence_shapes
+            from deploy.fence import comes_near, fence_shapes
 
             _, inner = fence_shapes(self.safety.geofence, self.mapping.robot_radius)
             goal, near = self.decision.goal, self.decision.goal_radius
-            if goal is not None:
-                from shapely import Point as ShapelyPoint
-
-                if inner.distance(ShapelyPoint(goal)) > near:
-                    raise ValueError(
-                        "decision.goal must lie inside safety.geofence, or within decision.goal_radius "
-                        f"({near:g} m) of where the robot may be, got ({goal[0]:g}, {goal[1]:g}): change one"
-                    )
+            if goal is not None and not comes_near(inner, goal, near):
+                raise ValueError(
+                    "decision.goal must lie inside safety.geofence, or within decision.goal_radius "
+                    f"({near:g} m) of where the robot may be, got ({goal[0]:g}, {goal[1]:g}): change one"
+                )
         return self

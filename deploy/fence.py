@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from shapely import Polygon, is_valid_reason
+from shapely import Point, Polygon, is_valid_reason
 
 
 def fence_shapes(corners: Sequence[tuple[float, float]], margin: float) -> tuple[Polygon, Polygon]:
@@ -26,3 +26,8 @@ def fence_shapes(corners: Sequence[tuple[float, float]], margin: float) -> tuple
     if inner.is_empty:
         raise ValueError(f"geofence leaves no room inside a margin of {margin:g} m for the robot: make it larger")
     return polygon, inner
+
+
+def comes_near(inner: Polygon, target: tuple[float, float], radius: float) -> bool:
+    """Whether a robot whose centre stays in ``inner`` can come so near to a target, metres."""
+    return float(inner.distance(Point(target))) <= radius

@@ -11,7 +11,7 @@ from shapely import Point as ShapelyPoint
 from common.errors import ConfigError
 from common.geometry import Pose
 from deploy.config import DeployConfig, Point
-from deploy.fence import fence_shapes
+from deploy.fence import comes_near, fence_shapes
 
 
 class Geofence:
@@ -62,7 +62,7 @@ class Geofence:
 
     def comes_near(self, target: Point, radius: float) -> bool:
         """Whether the robot's centre can come so near to a target, metres, and stay inside with the margin."""
-        return self._inner is None or float(self._inner.distance(ShapelyPoint(target))) <= radius
+        return self._inner is None or comes_near(self._inner, target, radius)
 
     def holds(self, pose: Pose) -> bool:
         """Whether the robot lies inside with all of it when it stands at a pose."""
