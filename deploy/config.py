@@ -54,6 +54,11 @@ class SensingConfig(Section):
     """Readings closer than this are the robot itself, metres."""
     range_max: Positive | None = None
     """Readings beyond this count as no return, metres. Default: `mapping.sensor_range`."""
+    no_return: float | Literal["nan"] | None = None
+    """Number by which a LaserScan says that a beam met nothing, where that is neither infinite nor at least its
+    range_max: `0.0` for many small lidars, `-1.0`, or `nan`. Such beams are free up to range_max, or the number if it
+    lies between; also where the robot's own parts block the lidar's view and a driver gives the same number. Default:
+    no such number."""
     range_noise: NonNegative = 0.03
     """Standard deviation of the sensor's ranges, metres: a return this close before a cell border is assigned to the
     next cell."""
@@ -80,6 +85,9 @@ class SensingConfig(Section):
     """Build a 3D OctoMap from point clouds (needs pyoctomap) and project it."""
     octomap_resolution: Positive = 0.2
     """Voxel size of the OctoMap, metres."""
+    deskew: bool = True
+    """Place each beam by the robot's pose of its own moment (`time_increment` of a LaserScan, a time field of a
+    PointCloud2). Set it to false where a node before the bridge does that for clouds and leaves the field in."""
     pose_tolerance: Positive = 0.2
     """Maximum difference between the stamps of a scan and of its pose, seconds; scans without such a pose are
     dropped."""

@@ -6,12 +6,26 @@ import threading
 import time
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from common.geometry import Pose
 from deploy.config import DeployConfig
 from deploy.mapping.frames import plain
 from deploy.mapping.robot_map import RobotMap
 from deploy.ros2 import LATCHED, RELIABLE, SENSOR, STATIC, Message, Node, QoS, Received, RosError, seconds
-from deploy.ros2.conversions import cloud_note, grid_from, points_from, pose_from, scan_from, scan_note, transforms_from
+from deploy.ros2.conversions import (
+    cloud_note,
+    grid_from,
+    points_from,
+    pose_from,
+    scan_from,
+    scan_note,
+    sweep_of,
+    times_from,
+    transforms_from,
+)
+from deploy.ros2.no_return import understood
 from deploy.safety.health import Fault, FaultKind, HealthMonitor
 from deploy.safety.sensor_watch import MAX_LIDARS
 from deploy.safety.sight import Sight
@@ -103,14 +117,16 @@ class Inputs:
         """Take a sensor_msgs/LaserScan; one that is not sound is no part of the map."""
         stamp = seconds(scan.header.stamp)
         try:
-            read = scan_from(scan)
+            read, strange = understood(scan_from(scan), self._config.sensing.no_return)
         except RosError as error:
             self._sensed("scan", received, scan, Fault(FaultKind.SENSOR_INVALID, str(error)))
             raise
         self._map.note(scan_note(scan))
+        self._map.note(strange)
         fault = self._sight_of("scan", scan).scan(scan, read, self._map.pose, received.time)
         if fault is None or fault.kind is FaultKind.SENSOR_BLIND:
-            self._map.add_scan(stamp, read, scan.header.frame_id)
+            sweep = sweep_of(scan) if self._config.sensing.deskew else 0.0
+            self._map.add_scan(stamp, read, scan.header.frame_id, sweep)
         else:
             self._map.refuse(fault.kind.value, fault.reason)
         self._sensed("scan", received, scan, fault)
@@ -126,7 +142,7 @@ class Inputs:
         self._map.note(cloud_note(cloud))
         fault = self._sight_of("points", cloud).points(cloud, points, self._map.pose, received.time)
         if fault is None or fault.kind is FaultKind.SENSOR_BLIND:
-            self._map.add_points(stamp, points, cloud.header.frame_id)
+            self._map.add_points(stamp, points, cloud.header.frame_id, self._times(cloud, points))
         else:
             self._map.refuse(fault.kind.value, fault.reason)
         self._sensed("points", received, cloud, fault)
@@ -148,6 +164,9 @@ class Inputs:
             if last is None or step >= 0.2:
                 self._last_position = pose.position
                 self._travelled += step
+
+    def _times(self, cloud: Message, points: NDArray[np.float32]) -> NDArray[np.float64] | None:
+        return times_from(cloud, points) if self._config.sensing.deskew else None
 
     def _sight_of(self, name: str, sent: Message) -> Sight:
         """Return what looks at the messages of a lidar: several share a topic, each with its own frame."""

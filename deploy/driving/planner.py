@@ -18,6 +18,7 @@ from deploy.driving.pursuit import PathTracker, Position
 from deploy.driving.recovery import ProgressWatch, Remedy
 from deploy.driving.window import DynamicWindow, Motion, Velocity
 
+_IN_THE_WAY: Final = "an obstacle is in the way"
 _AT_GOAL: Final = 0.08
 # Turn on the spot when the point ahead is so far off, and until it is within the second angle.
 _TURN_BEGIN, _TURN_END = 1.0, 0.25
@@ -134,7 +135,7 @@ class LocalPlanner:
     def _drive(self, motion: Motion, course: Course) -> Command:
         if course.carrot is None:
             self._turning = False
-            return self._brake(motion, "no way leads on within the local map")
+            return self._brake(motion, self._blocked(motion, "no way leads on between obstacles within the local map"))
         error = _wrap(atan2(course.carrot[1] - motion.pose.y, course.carrot[0] - motion.pose.x) - motion.pose.yaw)
         self._turning = abs(error) > (_TURN_END if self._turning else _TURN_BEGIN)
         if self._turning:
@@ -145,9 +146,19 @@ class LocalPlanner:
         choice = self._window.choose(motion, course.carrot, self._speed(motion, course.remaining), self._turn)
         if choice is None:
             # Not even straight ahead or on the spot: the stop that was checked before still holds.
-            return self._brake(motion, "an obstacle is in the way")
+            return self._brake(motion, self._blocked(motion, _IN_THE_WAY))
         command, self._turn = choice
-        return self._send(command, "" if hypot(*command) > 0.01 else "an obstacle is in the way")
+        return self._send(command, "" if hypot(*command) > 0.01 else self._blocked(motion, _IN_THE_WAY))
+
+    def _blocked(self, motion: Motion, reason: str) -> str:
+        """Add to why the robot stands what to do where an obstacle so near may be a part of the robot."""
+        _, distances = self._costmap.near(*motion.pose.position, self._costmap.room)
+        if not len(distances):
+            return reason
+        return (
+            f"{reason}: one is {distances.min():.2f} m from the robot's centre; if it moves with the robot, it is a "
+            "part of it that driving.robot_radius or driving.footprint must enclose"
+        )
 
     def _speed(self, motion: Motion, remaining: float) -> float:
         """Slow down towards the goal and between obstacles."""

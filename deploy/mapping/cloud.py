@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import MappingError
+from common.geometry import Pose
 from common.system.jit import njit
 from deploy.config import SensingConfig
 from deploy.mapping.log_odds import Beams
+from deploy.mapping.own_body import OwnBody, body_at
 from deploy.tf.transform import Transform
 
 FAR: Final = (50.0, 100.0)
@@ -34,12 +36,19 @@ def _project(
     height_max: float,
     range_min: float,
     range_max: float,
+    edges: NDArray[np.float64],
+    reach: float,
+    base_x: float,
+    base_y: float,
+    base_yaw: float,
     nearest: NDArray[np.float64],
     cleared: NDArray[np.float64],
 ) -> None:
     """Find per beam the nearest obstacle and how far the floor is seen; see `project`."""
     beams = len(nearest)
     per_radian = beams / (2.0 * np.pi)
+    cosine, sine = np.cos(base_yaw), np.sin(base_yaw)
+    base_x, base_y = base_x - sensor_x, base_y - sensor_y
     for n in range(len(points)):
         px, py, pz = np.float64(points[n, 0]), np.float64(points[n, 1]), np.float64(points[n, 2])
         height = rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz + offset_z
@@ -49,6 +58,9 @@ def _project(
         y = rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz + offset_y - sensor_y
         distance = np.sqrt(x * x + y * y)
         if not (range_min <= distance < np.inf):
+            continue
+        away_x, away_y = x - base_x, y - base_y
+        if body_at(edges, reach, cosine * away_x + sine * away_y, cosine * away_y - sine * away_x):
             continue
         beam = min(int((np.arctan2(y, x) + np.pi) * per_radian), beams - 1)
         if height >= height_min and distance < range_max:
@@ -81,6 +93,8 @@ def project(
     floor: float,
     config: SensingConfig,
     range_max: float,
+    body: OwnBody,
+    base: Pose,
 ) -> Beams:
     """Turn a point cloud into beams in the plane, whose directions are those of the map frame (yaw 0).
 
@@ -89,6 +103,7 @@ def project(
     - the nearest point within the band of heights, if there is one, is an obstacle, and before it the beam is free;
     - else the beam is free up to the farthest point on the floor, because the lidar saw the floor there; where a point
       lies below the floor, up to where the line of sight went through the floor's level;
+    - points within the robot's outline, whatever their height, are the robot itself, and tell nothing;
     - points above the band tell nothing, because the line of sight left the band on its way;
     - a direction without any point tells nothing: a cloud does not say whether the lidar looked there.
 
@@ -99,6 +114,8 @@ def project(
         floor: height of the floor below the robot in the map frame, metres.
         config: band of heights, ``range_min``, number of beams.
         range_max: points beyond it count as nothing met, metres in the plane.
+        body: outline of the robot.
+        base: of the robot, map frame.
     """
     nearest = np.full(config.beams, np.inf)
     cleared = np.full(config.beams, -np.inf)
@@ -115,13 +132,19 @@ def project(
         config.height_max,
         config.range_min,
         range_max,
+        body.edges,
+        body.reach,
+        base.x,
+        base.y,
+        base.yaw,
         nearest,
         cleared,
     )
     hits = np.isfinite(nearest)
     ranges = np.where(hits, nearest, np.where(cleared > 0.0, cleared, np.nan))
     width = 2.0 * pi / config.beams
-    return Beams(ranges.astype(np.float32), hits, -pi + width / 2.0, width)
+    angles = -pi + width * (np.arange(config.beams, dtype=np.float64) + 0.5)
+    return Beams(ranges.astype(np.float32), hits, angles)
 
 
 def problem(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -12,15 +11,19 @@ from numpy.typing import NDArray
 
 from common.errors import MappingError
 from common.geometry import Pose, Scan
-from deploy.config import SensingConfig
+from deploy.config import DrivingConfig, SensingConfig
 from deploy.mapping.cloud import checked_points, project
 from deploy.mapping.cloud import problem as cloud_problem
 from deploy.mapping.frames import Frames, plain
 from deploy.mapping.log_odds import Beams
 from deploy.mapping.message_log import MessageLog
-from deploy.mapping.placing import NoPlaceError, Placed, Placing, planar_scan
+from deploy.mapping.own_body import OwnBody
+from deploy.mapping.placing import NoPlaceError, Placed, Placing
+from deploy.mapping.planar_scan import planar_scan
 from deploy.mapping.pose_buffer import PoseBuffer
+from deploy.mapping.sweep import points_at_rest
 from deploy.mapping.volume import ExploredVolume
+from deploy.mapping.waiting import Cloud, Waiting
 from deploy.network_config import FramesConfig
 from deploy.tf.stamps import Order, StampOrder
 from deploy.tf.transform import Transform
@@ -43,39 +46,6 @@ _ROUNDING: Final = 1e-6
 _SILENT: Final = 2.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cloud:
-    """A point cloud and the place from where it was seen.
-
-    Attributes:
-        points: float32, shape (n, 3 or more), metres.
-        transform: where their frame lies in the map frame.
-        sensor: x, y, z of the lidar in the map frame, metres.
-        floor: height of the floor below the robot in the map frame, metres.
-    """
-
-    points: NDArray[np.float32]
-    transform: Transform
-    sensor: tuple[float, float, float]
-    floor: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Waiting:
-    time: float
-    data: Scan | NDArray[np.float32]
-    frame: str
-
-    @property
-    def kind(self) -> str:
-        return "scan" if isinstance(self.data, Scan) else "cloud"
-
-    @property
-    def stream(self) -> str:
-        """Its lidar."""
-        return f"{self.kind} in {self.frame!r}"
-
-
 class Intake:
     """Poses, transforms and sensor messages of the last seconds; not thread-safe.
 
@@ -90,9 +60,17 @@ class Intake:
         volume: the explored volume.
     """
 
-    def __init__(self, frames: FramesConfig, sensing: SensingConfig, farthest: float) -> None:
-        """Take nothing yet; ``farthest`` is the range of the sensor, metres: what is beyond is not used."""
+    def __init__(self, frames: FramesConfig, sensing: SensingConfig, farthest: float, driving: DrivingConfig) -> None:
+        """Take nothing yet.
+
+        Args:
+            frames: their names.
+            sensing: how messages are read.
+            farthest: range of the sensor, metres: what is beyond is not used.
+            driving: for the outline of the robot, in which nothing else can be.
+        """
         self._names = frames
+        self._body = OwnBody(driving)
         self._sensing = sensing
         self._range_max = min(sensing.range_max or farthest, farthest)
         self._by_tf = sensing.pose == "tf"
@@ -100,7 +78,7 @@ class Intake:
         self._tree = TransformTree()
         self._frames = Frames(frames, sensing, self._tree)
         self._placing = Placing(frames, sensing, self._tree, self._poses, self._frames)
-        self._waiting: deque[_Waiting] = deque()
+        self._waiting: deque[Waiting] = deque()
         self._clock = float("-inf")
         self._first_of_frame: dict[str, float] = {}
         self._given_up: set[str] = set()
@@ -204,20 +182,23 @@ class Intake:
                     self.messages.note(self._no_pose())
         return moved.get(self._tree.carrier(self._names.map, self._names.base) or "")
 
-    def add_scan(self, time: float, scan: Scan, frame: str) -> None:
-        """Add a scan."""
+    def add_scan(self, time: float, scan: Scan, frame: str, sweep: float = 0.0) -> None:
+        """Add a scan, whose last beam was sent ``sweep`` seconds after the first."""
         if scan.range_max > 0.0:
-            self._enqueue(_Waiting(time, scan, plain(frame)))
+            self._enqueue(Waiting(time, scan, plain(frame), sweep=sweep))
         else:
             self.messages.received += 1
             self.messages.drop(
                 "scan refused", f"a scan needs a range_max above 0, got {scan.range_max}: correct the driver"
             )
 
-    def add_points(self, time: float, points: NDArray[np.float32], frame: str) -> None:
-        """Add a point cloud."""
+    def add_points(
+        self, time: float, points: NDArray[np.float32], frame: str, times: NDArray[np.float64] | None = None
+    ) -> None:
+        """Add a point cloud, each of whose points may have been measured so many seconds after the stamp."""
+        first, last = (0.0, 0.0) if times is None else (float(times.min()), float(times.max()))
         try:
-            self._enqueue(_Waiting(time, checked_points(points), plain(frame)))
+            self._enqueue(Waiting(time, checked_points(points), plain(frame), first, last - first, times))
         except MappingError as error:
             self.messages.received += 1
             self.messages.drop("cloud refused", str(error))
@@ -228,7 +209,7 @@ class Intake:
 
     def resolve(self) -> None:
         """Place the messages whose poses are there."""
-        left: deque[_Waiting] = deque()
+        left: deque[Waiting] = deque()
         for message in self._waiting:
             if self._must_wait(message):
                 left.append(message)
@@ -245,7 +226,7 @@ class Intake:
             return None
         return np.concatenate([points for _, points in self._newest.values()])
 
-    def _enqueue(self, message: _Waiting) -> None:
+    def _enqueue(self, message: Waiting) -> None:
         self.messages.received += 1
         if not np.isfinite(message.time):
             self.messages.drop(
@@ -302,16 +283,16 @@ class Intake:
     def _tick(self, time: float) -> None:
         self._clock = time if time < self._clock - CLOCK_JUMP else max(self._clock, time)
 
-    def _must_wait(self, message: _Waiting) -> bool:
+    def _must_wait(self, message: Waiting) -> bool:
         newest = self._placing.newest_pose
         if newest is None:
             return True
         # By the stamps of its own lidar: others, as those of a map -> odom that is stamped ahead, tell nothing of it.
         order = self._orders.get(message.stream)
         latest = message.time if order is None or order.newest is None else order.newest
-        tolerance = self._sensing.pose_tolerance
+        tolerance, end = self._sensing.pose_tolerance, message.end
         # A pose may still come that is near enough to the last one to interpolate between the two.
-        if newest < message.time and latest - max(newest, message.time - tolerance) < 2.0 * tolerance - _ROUNDING:
+        if newest < end and latest + end - message.time - max(newest, end - tolerance) < 2.0 * tolerance - _ROUNDING:
             return True
         age = max(latest, newest if np.isfinite(newest) else latest) - message.time
         if message.frame in self._given_up or message.frame == "":
@@ -326,39 +307,54 @@ class Intake:
         self._given_up.add(message.frame)
         return False
 
-    def _place(self, message: _Waiting) -> Placed | None:
-        """Find out where a message was made; one of which that is not known is dropped."""
+    def _place(self, message: Waiting) -> list[Placed] | None:
+        """Find out where a message was made, at moments of its sweep; one of which that is not known is dropped."""
+        is_scan = isinstance(message.data, Scan)
         try:
-            placed = self._placing.place(message.time, message.frame, is_scan=isinstance(message.data, Scan))
+            placed = [self._placing.place(moment, message.frame, is_scan=is_scan) for moment in message.moments]
         except NoPlaceError as error:
             self.messages.drop(error.reason, str(error))
             return None
-        self.messages.note(placed.note)
+        self.messages.note(placed[0].note)
         return placed
 
-    def _take(self, message: _Waiting, placed: Placed) -> None:
-        sensing, transform = self._sensing, placed.data
-        sensor = placed.base @ placed.mount
+    def _take(self, message: Waiting, places: list[Placed]) -> None:
+        sensing, placed = self._sensing, places[len(places) // 2]
+        transform, sensor = placed.data, placed.base @ placed.mount
         if isinstance(message.data, Scan):
-            beams, pose = planar_scan(message.data, placed.base, placed.mount, sensing.range_min, self._range_max)
+            both = [(place.base, place.mount) for place in places]
+            beams, pose = planar_scan(message.data, both, sensing.range_min, self._range_max, self._body)
         else:
-            reason, problem = cloud_problem(
-                message.data, transform, sensor.translation, placed.floor, sensing.height_max
-            )
+            points = message.data
+            if message.times is not None:
+                points = points_at_rest(points, message.times, [place.data for place in places])
+            reason, problem = cloud_problem(points, transform, sensor.translation, placed.floor, sensing.height_max)
             if reason:
                 self.messages.drop(reason, problem)
                 return
-            beams = project(message.data, transform, sensor.translation, placed.floor, sensing, self._range_max)
+            beams = project(
+                points,
+                transform,
+                sensor.translation,
+                placed.floor,
+                sensing,
+                self._range_max,
+                self._body,
+                placed.base.pose,
+            )
             pose = Pose(sensor.translation[0], sensor.translation[1])
             self.volume.add(
-                message.data,
+                points,
                 transform.matrix(),
                 np.array(transform.translation),
                 np.array(sensor.translation),
                 sensing.range_min,
                 self._range_max,
             )
-            self.cloud = Cloud(message.data, transform, sensor.translation, placed.floor)
+            if sensing.octomap:
+                own = self._body.covers((placed.base.inverse() @ transform).apply(points.astype(np.float64)))
+                points = points[~own]
+            self.cloud = Cloud(points, transform, sensor.translation, placed.floor)
         kind = type(message.data)
         self._note_obstacles((kind, message.frame), message.time, beams.ends(pose))
         if sensing.source == ("scan" if kind is Scan else "points"):

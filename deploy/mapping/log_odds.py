@@ -35,19 +35,17 @@ GRAZE_DEVIATIONS: Final = 2.0
 class Beams:
     """What a sensor saw in the plane, from one place.
 
-    Beam ``i`` points at ``pose.yaw + angle_min + i * angle_increment``.
+    Beam ``i`` points at ``pose.yaw + angles[i]``.
 
     Attributes:
         ranges: metres, float32, shape (beams,); NaN where a beam tells nothing.
         hits: whether an obstacle is at the end, bool, same shape; without one the beam is free up to its end.
-        angle_min: radians.
-        angle_increment: radians.
+        angles: radians, float64, same shape.
     """
 
     ranges: NDArray[np.float32]
     hits: NDArray[np.bool_]
-    angle_min: float
-    angle_increment: float
+    angles: NDArray[np.float64]
 
     @classmethod
     def from_scan(cls, scan: Scan, range_min: float, range_max: float) -> Beams:
@@ -61,14 +59,13 @@ class Beams:
         hits = ranges < limit - RANGE_TOLERANCE
         ranges = np.where(hits, ranges, np.float32(limit))
         told = scan.ranges >= max(range_min, scan.range_min, 0.0)
-        return cls(
-            np.where(told, ranges, np.float32(np.nan)), hits & told, float(scan.angle_min), float(scan.angle_increment)
-        )
+        angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges), dtype=np.float64)
+        return cls(np.where(told, ranges, np.float32(np.nan)), hits & told, angles)
 
     def ends(self, pose: Pose) -> NDArray[np.float64]:
         """Return where the beams met obstacles when the sensor stood at a pose, map frame, metres, shape (n, 2)."""
         at = np.flatnonzero(self.hits)
-        angles = pose.yaw + self.angle_min + self.angle_increment * at
+        angles = pose.yaw + self.angles[at]
         ranges = self.ranges[at].astype(np.float64)
         return np.stack([pose.x + ranges * np.cos(angles), pose.y + ranges * np.sin(angles)], axis=1)
 
@@ -82,8 +79,7 @@ def _trace(
     start_y: float,
     ranges: NDArray[np.float32],
     hits: NDArray[np.bool_],
-    first_angle: float,
-    angle_increment: float,
+    angles: NDArray[np.float64],
     resolution: float,
     noise: float,
 ) -> None:
@@ -103,7 +99,7 @@ def _trace(
         exact_end = ray_units((reach + RANGE_TOLERANCE) / resolution)
         end = ray_units((reach + max(noise, RANGE_TOLERANCE)) / resolution)
         graze = ray_units((reach - GRAZE_DEVIATIONS * noise) / resolution)
-        angle = first_angle + angle_increment * beam
+        angle = angles[beam]
         step_x, next_x, delta_x = ray_axis(start_x, np.cos(angle))
         step_y, next_y, delta_y = ray_axis(start_y, np.sin(angle))
         step_y *= width
@@ -197,11 +193,10 @@ class LogOddsGrid(MeasuredGrid):
         Raises:
             MappingError: a number of the pose or of the beams' geometry is not finite, or the map grows beyond reason.
         """
-        numbers = (pose.x, pose.y, pose.yaw, beams.angle_min, beams.angle_increment)
-        if not all(isfinite(number) for number in numbers):
+        if not all(isfinite(number) for number in (pose.x, pose.y, pose.yaw)) or not np.isfinite(beams.angles).all():
+            bad = np.count_nonzero(~np.isfinite(beams.angles))
             raise MappingError(
-                f"beams need a finite pose and finite angles, got {pose}, angle_min {beams.angle_min} and "
-                f"angle_increment {beams.angle_increment}: drop this scan"
+                f"beams need a finite pose and finite angles, got {pose} and {bad} angles that are not: drop this scan"
             )
         told = np.isfinite(beams.ranges)
         if not told.any():
@@ -224,8 +219,7 @@ class LogOddsGrid(MeasuredGrid):
             y / SUBCELLS - row,
             beams.ranges,
             beams.hits,
-            pose.yaw + beams.angle_min,
-            beams.angle_increment,
+            pose.yaw + beams.angles,
             self.resolution,
             self._noise,
         )

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from common.mapping.sight import FREE, OCCUPIED, UNKNOWN
 from common.system.extras import optional
 from deploy.config import SensingConfig
-from deploy.mapping.intake import Cloud
 from deploy.mapping.measured_grid import MeasuredGrid
+from deploy.mapping.waiting import Cloud
 
 # What `OcTree.getLabels` calls the states of a voxel.
 _LABELS = {1: OCCUPIED, 0: FREE}

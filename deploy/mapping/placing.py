@@ -6,13 +6,9 @@ from dataclasses import dataclass
 from math import acos, degrees, pi, remainder
 from typing import Final
 
-import numpy as np
-
 from common.errors import MappingError
-from common.geometry import Pose, Scan
 from deploy.config import SensingConfig
 from deploy.mapping.frames import Frames, Place
-from deploy.mapping.log_odds import Beams
 from deploy.mapping.pose_buffer import PoseBuffer
 from deploy.network_config import FramesConfig
 from deploy.tf.transform import Transform
@@ -220,20 +216,3 @@ class Placing:
             f"{self.newest_pose}): check that lidar and localisation stamp by the same clock, and that poses come at "
             f"least every {2.0 * tolerance:g} s",
         )
-
-
-def planar_scan(
-    scan: Scan, base: Transform, mount: Transform, range_min: float, range_max: float
-) -> tuple[Beams, Pose]:
-    """Return a scan's beams and the planar pose of its sensor, which may hang upside down."""
-    pose, place = base.pose, mount.pose
-    sine, cosine = np.sin(pose.yaw), np.cos(pose.yaw)
-    sensor = Pose(
-        float(pose.x + cosine * place.x - sine * place.y),
-        float(pose.y + sine * place.x + cosine * place.y),
-        pose.yaw + place.yaw,
-    )
-    beams = Beams.from_scan(scan, range_min, range_max)
-    if mount.matrix()[2, 2] < 0.0:
-        beams = Beams(beams.ranges, beams.hits, -beams.angle_min, -beams.angle_increment)
-    return beams, sensor

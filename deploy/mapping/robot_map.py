@@ -72,7 +72,7 @@ class RobotMap:
         # The intake is filled by subscriber threads and must never wait for the map's arithmetic.
         self._intake_lock = threading.Lock()
         self._map_lock = threading.Lock()
-        self._intake = Intake(config.frames, config.sensing, config.mapping.sensor_range)
+        self._intake = Intake(config.frames, config.sensing, config.mapping.sensor_range, config.driving)
         self._grids = GridIntake(self._intake, config.frames.map, wanted=config.sensing.source == "grid")
         self._target = target
         self._survey = Survey(config)
@@ -119,18 +119,21 @@ class RobotMap:
                 self._look_for_leap(moved, pose)
             return moved
 
-    def add_scan(self, time: float, scan: Scan, frame: str = "") -> None:
+    def add_scan(self, time: float, scan: Scan, frame: str = "", sweep: float = 0.0) -> None:
         """Add a range scan; where ``sensing.source`` is another one it counts for `obstacles_near` alone.
 
         Args:
-            time: its stamp, seconds of the robot's clock.
+            time: its stamp, that of the first beam, seconds of the robot's clock.
             scan: in the sensor's frame.
             frame: that of its header; where the robot has no TF, ``sensing.sensor_offset`` counts.
+            sweep: time from the first beam to the last, seconds; 0 where all are of one moment.
         """
         with self._intake_lock:
-            self._intake.add_scan(time, scan, frame)
+            self._intake.add_scan(time, scan, frame, sweep)
 
-    def add_points(self, time: float, points: NDArray[np.float32], frame: str = "") -> None:
+    def add_points(
+        self, time: float, points: NDArray[np.float32], frame: str = "", times: NDArray[np.float64] | None = None
+    ) -> None:
         """Add a point cloud; where ``sensing.source`` is another one it counts for `obstacles_near` alone.
 
         Args:
@@ -138,9 +141,10 @@ class RobotMap:
             points: shape (n, 3 or more), metres; copied.
             frame: that of its header: the map frame, or one that TF knows; ``sensing.points_frame`` counts where there
                 is none, or where the robot has no TF.
+            times: when each point was measured, seconds after the stamp, shape (n,); None where all are of one moment.
         """
         with self._intake_lock:
-            self._intake.add_points(time, points, frame)
+            self._intake.add_points(time, points, frame, times)
 
     def refuse(self, reason: str, problem: str) -> None:
         """Count a sensor message that is no part of the map.

@@ -8,12 +8,12 @@ from common.errors import MappingError
 from common.geometry import Pose
 from deploy.config import DeployConfig
 from deploy.mapping.fit import MapFit
-from deploy.mapping.intake import Cloud
 from deploy.mapping.log_odds import Beams, LogOddsGrid
 from deploy.mapping.measured_grid import MeasuredGrid
 from deploy.mapping.new_map import NewMapWatch
 from deploy.mapping.octomap import OctoMap
 from deploy.mapping.slam_grid import SlamGrid, resample
+from deploy.mapping.waiting import Cloud
 
 
 class Survey:

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deploy.ros2.errors import RosError
-from deploy.ros2.messages import Message, header, message
+from deploy.ros2.messages import Message, header, message, seconds
+from deploy.ros2.scans import LONGEST_SWEEP
 
 POINT_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """Datatypes of sensor_msgs/PointField by number."""
+TIME_FIELDS = frozenset({"t", "time", "timestamp", "time_stamp", "time_offset", "timeoffset", "offset_time"})
+"""Names of the field that says when a point was measured."""
+SHORTEST_SWEEP = 0.002
+"""Lidars turn more slowly than this, seconds."""
+_TIME_UNITS = (1.0, 1e-3, 1e-6, 1e-9)
 
 
 def points_from(cloud: Message) -> NDArray[np.float32]:
@@ -65,11 +72,44 @@ def points_from(cloud: Message) -> NDArray[np.float32]:
     else:
         points = np.empty((cloud.height * cloud.width, len(names)), np.float32)
         grid = points.reshape(cloud.height, cloud.width, len(names))
-        strides = (cloud.row_step, cloud.point_step)
         for column, (offset, form) in enumerate(zip(offsets, formats, strict=True)):
-            grid[:, :, column] = np.ndarray((cloud.height, cloud.width), form, data.data, offset, strides)
+            grid[:, :, column] = _column(cloud, offset, form[1:])
     finite = np.isfinite(points[:, 0] + points[:, 1] + points[:, 2])
     return points if finite.all() else points[finite]
+
+
+def times_from(cloud: Message, points: NDArray[np.float32]) -> NDArray[np.float64] | None:
+    """Return when each of a cloud's points was measured, seconds after the cloud's stamp, shape (n,).
+
+    Drivers call the field by several names, and count seconds or parts of them, from the stamp or from 1970. A sweep
+    takes some hundredths of a second to one, which tells the unit.
+
+    Args:
+        cloud: a PointCloud2 that was read.
+        points: what `points_from` returned for it.
+
+    Returns:
+        None where the cloud has no such field, or it tells nothing that could be true.
+    """
+    field = next((field for field in cloud.fields if field.name in TIME_FIELDS), None)
+    code = None if field is None else POINT_TYPES.get(field.datatype)
+    if field is None or code is None or len(points) < 2:
+        return None
+    if field.offset + np.dtype(code).itemsize > cloud.point_step:
+        return None
+    times = _column(cloud, field.offset, code).reshape(-1).astype(np.float64)
+    if len(times) != len(points):
+        offsets = [(one.offset, POINT_TYPES[one.datatype]) for one in cloud.fields if one.name in {"x", "y", "z"}]
+        columns = [_column(cloud, *each).reshape(-1).astype(np.float32) for each in offsets]
+        times = times[np.isfinite(sum(columns[1:], columns[0]))]
+    first, last = float(times.min()), float(times.max())
+    for unit in _TIME_UNITS:
+        if SHORTEST_SWEEP <= (last - first) * unit <= LONGEST_SWEEP:
+            stamp = seconds(cloud.header.stamp)
+            for began in (0.0, stamp):
+                if abs(first * unit - began) <= 2.0 * LONGEST_SWEEP:
+                    return (times * unit) - began
+    return None
 
 
 def cloud_note(cloud: Message) -> str:
@@ -83,6 +123,13 @@ def cloud_note(cloud: Message) -> str:
     if len(cloud.data) != sent:
         return f"a PointCloud2 must have {sent} bytes by its row_step and height, got {len(cloud.data)}"
     return ""
+
+
+def _column(cloud: Message, offset: int, form: str) -> NDArray[Any]:
+    """Return one field of a PointCloud2, shape (height, width)."""
+    data = np.ascontiguousarray(cloud.data, np.uint8)
+    order = ">" if cloud.is_bigendian else "<"
+    return np.ndarray((cloud.height, cloud.width), order + form, data.data, offset, (cloud.row_step, cloud.point_step))
 
 
 def point_cloud(time: float, frame: str, points: NDArray[np.float32]) -> Message:

@@ -6,6 +6,7 @@ from deploy.ros2.clouds import (
     cloud_note,
     point_cloud,
     points_from,
+    times_from,
 )
 from deploy.ros2.grids import (
     MAX_CELLS,
@@ -42,6 +43,7 @@ from deploy.ros2.scans import (
     laser_scan,
     scan_from,
     scan_note,
+    sweep_of,
 )
 from deploy.ros2.velocities import (
     twist,
@@ -79,6 +81,8 @@ __all__ = [
     "quaternion",
     "scan_from",
     "scan_note",
+    "sweep_of",
+    "times_from",
     "transform",
     "transform_message",
     "transforms_from",

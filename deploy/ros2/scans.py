@@ -14,6 +14,8 @@ MAX_BEAMS = 1 << 17
 """Scans of more beams are refused."""
 MAX_ANGLE = 4.0 * math.pi
 """Greater angles of a scan are refused, radians: they are degrees."""
+LONGEST_SWEEP = 1.0
+"""Lidars turn faster than this, seconds."""
 NEAREST_LIMIT = 10.0
 """A scan with a greater range_min is refused, metres: it is in millimetres."""
 
@@ -49,8 +51,23 @@ def scan_from(scan: Message) -> Scan:
     return Scan(ranges, scan.angle_min, scan.angle_increment, range_max, scan.range_min)
 
 
+def sweep_of(scan: Message) -> float:
+    """Return the time from the first beam of a LaserScan to its last, seconds; 0 where all are of one moment.
+
+    A time_increment that cannot be true is taken for none; see `scan_note`.
+    """
+    sweep = max(len(scan.ranges) - 1, 0) * float(scan.time_increment)
+    return sweep if 0.0 < sweep <= LONGEST_SWEEP else 0.0
+
+
 def scan_note(scan: Message) -> str:
     """Return what is strange about a LaserScan that can be used all the same, one line; empty when nothing is."""
+    if not 0.0 <= max(len(scan.ranges) - 1, 0) * float(scan.time_increment) <= LONGEST_SWEEP:
+        return (
+            f"a LaserScan's time_increment must be the seconds between two beams, got {scan.time_increment:g} for "
+            f"{len(scan.ranges)} beams: they count as sent at once, and walls smear while the robot turns; correct the "
+            "driver"
+        )
     if len(scan.intensities) not in {0, len(scan.ranges)}:
         return f"a LaserScan of {len(scan.ranges)} ranges has {len(scan.intensities)} intensities: correct the driver"
     return ""

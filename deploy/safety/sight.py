@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from math import hypot, pi, remainder
 from typing import Any, Final
 
@@ -9,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.geometry import Pose, Scan
+from common.mapping.belief import RANGE_TOLERANCE
 from deploy.config import SafetyConfig
 from deploy.ros2 import Message
+from deploy.ros2.no_return import common_invalid, setting
 from deploy.safety.faults import Fault, FaultKind
 
 # Drivers count the last beam in or leave it out, and round: so many increments, or this share of the angle, may be off.
@@ -58,12 +61,18 @@ class Sight:
             pose: of the robot, map frame; None while it is not known.
             now: time of arrival, seconds.
         """
-        return (
+        # Beams that met nothing read the same wherever the robot is, whatever number says so.
+        met = scan.ranges[(scan.ranges >= scan.range_min) & (scan.ranges < scan.range_max - RANGE_TOLERANCE)]
+        fault = (
             _angle_fault(message, scan)
             or _unit_fault(scan)
             or self._blind(scan)
-            or self._frozen(scan.ranges, bool(np.isfinite(scan.ranges).any()), pose, now)
+            or self._frozen(scan.ranges, len(met) > 0, pose, now)
         )
+        if fault is not None and fault.kind is FaultKind.SENSOR_FROZEN and (met == met[0]).all():
+            remedy = f"where it reads {met[0]:g} m when it meets nothing, set {setting(float(met[0]))}"
+            return Fault(fault.kind, f"{fault.reason}: {remedy}")
+        return fault
 
     def points(self, message: Message, points: NDArray[np.float32], pose: Pose | None, now: float) -> Fault | None:
         """Say what is wrong with a cloud; None when it is sound.
@@ -89,11 +98,16 @@ class Sight:
         told = int(np.count_nonzero(scan.ranges >= max(scan.range_min, self._range_min)))
         if told >= max(1.0, self._config.min_beams * self._beams):
             return None
+        common, remedy = common_invalid(scan), ""
+        if common is not None and 2 * common[1] > count:
+            remedy = f"; where the lidar reads {common[0]:g} when it meets nothing, set {setting(common[0])}"
+        elif 2 * np.count_nonzero(np.isnan(scan.ranges)) > count:
+            remedy = f"; where the lidar reads NaN when it meets nothing, set {setting(math.nan)}"
         return Fault(
             FaultKind.SENSOR_BLIND,
             f"{told} of {self._beams} beams of the scan are usable, safety.min_beams requires "
             f"{self._config.min_beams:.0%}: the others are NaN, missing, or nearer than "
-            f"{max(scan.range_min, self._range_min):g} m",
+            f"{max(scan.range_min, self._range_min):g} m{remedy}",
         )
 
     def _frozen(self, data: NDArray[Any], returns: bool, pose: Pose | None, now: float) -> Fault | None:

@@ -5,19 +5,21 @@ import pytest
 
 from common.errors import MappingError
 from common.geometry import Pose
-from deploy.config import SensingConfig
+from deploy.config import DrivingConfig, SensingConfig
 from deploy.mapping.cloud import checked_points, project
 from deploy.mapping.log_odds import Beams
+from deploy.mapping.own_body import OwnBody
 from deploy.tf.transform import Transform
 from tests.deploy.mapping.lidar import cloud_at, room, scan_at
 
 SENSING = SensingConfig(beams=360)
+BODY = OwnBody(DrivingConfig())
 
 
 def beams_of(*points: tuple[float, float, float], floor: float = 0.0) -> Beams:
     """Beams of points in the map frame from a lidar 0.4 m above the floor at (1, 2)."""
     cloud = np.array(points, dtype=np.float32)
-    return project(cloud, Transform(), (1.0, 2.0, floor + 0.4), floor, SENSING, 20.0)
+    return project(cloud, Transform(), (1.0, 2.0, floor + 0.4), floor, SENSING, 20.0, BODY, Pose(1.0, 2.0))
 
 
 def along_x(beams: Beams) -> tuple[float, bool]:
@@ -66,15 +68,15 @@ def test_clouds_in_the_frame_of_a_tilted_sensor_are_put_upright():
     cloud = cloud_at(room(), pose, frame="sensor")
     tilt = Transform((5.0, 5.0, 0.4), (0.0, float(np.sin(0.1)), 0.0, float(np.cos(0.1))))
     as_seen = (cloud - 0.0) @ tilt.matrix()
-    straight = project(cloud, Transform((5.0, 5.0, 0.4)), (5.0, 5.0, 0.4), 0.0, SENSING, 20.0)
-    tilted = project(as_seen.astype(np.float32), tilt, (5.0, 5.0, 0.4), 0.0, SENSING, 20.0)
+    straight = project(cloud, Transform((5.0, 5.0, 0.4)), (5.0, 5.0, 0.4), 0.0, SENSING, 20.0, BODY, pose)
+    tilted = project(as_seen.astype(np.float32), tilt, (5.0, 5.0, 0.4), 0.0, SENSING, 20.0, BODY, pose)
     same = np.isclose(straight.ranges, tilted.ranges, atol=1e-3, equal_nan=True)
     assert same.mean() > 0.98
 
 
 def test_a_lidar_of_sixteen_lines_sees_the_walls_that_a_planar_one_sees():
     pose = Pose(5.0, 5.0)
-    beams = project(cloud_at(room(), pose, azimuths=1800), Transform(), (5.0, 5.0, 0.4), 0.0, SENSING, 12.0)
+    beams = project(cloud_at(room(), pose, azimuths=1800), Transform(), (5.0, 5.0, 0.4), 0.0, SENSING, 12.0, BODY, pose)
     scan = scan_at(room(), Pose(5.0, 5.0, np.pi / 360), beams=360)
     assert beams.hits.mean() > 0.9
     both = beams.hits & (scan.ranges < 12.0)

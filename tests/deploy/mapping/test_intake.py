@@ -14,7 +14,7 @@ UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 def make_intake(**sections) -> Intake:
     config = configure(**sections)
-    return Intake(config.frames, config.sensing, config.mapping.sensor_range)
+    return Intake(config.frames, config.sensing, config.mapping.sensor_range, config.driving)
 
 
 def drive(intake: Intake, start: float, end: float) -> None:
