@@ -313,6 +313,7 @@ class RobotMap:
             self._survey.add_beams(beams, sensor)
         except MappingError as error:
             self._drop("scan refused", error)
+        self.note(self._survey.contradiction.note)
 
     def _use_grid(self, grid: SlamGrid) -> None:
         """Take a SLAM map; one that is no map leaves the last one in place."""

@@ -7,6 +7,7 @@ from math import floor
 from common.errors import MappingError
 from common.geometry import Pose
 from deploy.config import DeployConfig
+from deploy.mapping.contradiction import Contradiction
 from deploy.mapping.fit import MapFit
 from deploy.mapping.log_odds import Beams, LogOddsGrid
 from deploy.mapping.measured_grid import MeasuredGrid
@@ -23,6 +24,7 @@ class Survey:
         cells: the grid; None before anything was measured.
         integrated: scans, clouds and maps that went into it.
         fit: whether scans fit it, after a leap of the pose; what is made of something else than scans is not compared.
+        contradiction: whether scans contradict each other.
         new_map: whether a SLAM's map is another one than before.
     """
 
@@ -43,6 +45,7 @@ class Survey:
         self.integrated = 0
         self.fit = MapFit()
         self.new_map = NewMapWatch()
+        self.contradiction = Contradiction()
         self._octomap: OctoMap | None = None
         if sensing.octomap:
             self._octomap = OctoMap(sensing, min(sensing.range_max or mapping.sensor_range, mapping.sensor_range))
@@ -66,6 +69,7 @@ class Survey:
         if not isinstance(self.cells, LogOddsGrid):
             self.cells = LogOddsGrid(self._mapping.resolution, self._near_anchor(sensor.position), self._sensing)
         for admitted, place in self.fit.admit(self.cells, beams, sensor):
+            self.contradiction.look(self.cells, admitted, place)
             self.cells.integrate(admitted, place)
             self.integrated += 1
 
