@@ -141,9 +141,22 @@ def topics(
         table.add_row(topic, kinds, by_role["publisher"], by_role["subscription"])
     console.print(table)
     published = {topic for topic, endpoints in found.items() if any(each.role == "publisher" for each in endpoints)}
-    missing = [topic for topic in _needed(resolved) if topic not in published]
+    missing = [need for need in _needed(resolved) if need[1] not in published]
     if missing:
-        console.print(f"not published, but needed by the bridge: {', '.join(missing)}", style="yellow")
+        console.print(
+            f"not published, but needed by the bridge: {', '.join(need[1] for need in missing)}", style="yellow"
+        )
+    for setting, _, kind in missing:
+        # Another name, or another namespace, is the most frequent reason.
+        others = [
+            topic
+            for topic, endpoints in found.items()
+            if any(each.role == "publisher" and each.kind == kind for each in endpoints)
+        ]
+        if others:
+            console.print(
+                f"{kind} is published on {', '.join(others)}: --set topics.{setting}={others[0]}", style="yellow"
+            )
 
 
 def _check_unique(session: zenoh.Session, name: str, patience: float) -> None:
@@ -175,14 +188,21 @@ def _check_complete(answers: Answers, config: DeployConfig, where: str, timeout:
         raise BusError("; ".join(wrong))
 
 
-def _needed(config: DeployConfig) -> list[str]:
+def _needed(config: DeployConfig) -> list[tuple[str, str, str]]:
+    """Return setting, topic and type of what the bridge cannot do without."""
     from deploy.ros2.names import namespace, topic_name
 
     topics, sensing = config.topics, config.sensing
-    source = {"scan": topics.scan, "points": topics.points, "grid": topics.map}[sensing.source]
-    pose = topics.odometry if sensing.pose == "odometry" else topics.tf
+    source = {
+        "scan": ("scan", "sensor_msgs/msg/LaserScan"),
+        "points": ("points", "sensor_msgs/msg/PointCloud2"),
+        "grid": ("map", "nav_msgs/msg/OccupancyGrid"),
+    }[sensing.source]
+    pose = ("odometry", "nav_msgs/msg/Odometry") if sensing.pose == "odometry" else ("tf", "tf2_msgs/msg/TFMessage")
     within = namespace(config.ros.namespace)
-    return [topic_name(topic, within, topics.remap) for topic in (source, pose)]
+    return [
+        (setting, topic_name(getattr(topics, setting), within, topics.remap), kind) for setting, kind in (source, pose)
+    ]
 
 
 def _show(status: dict[str, object]) -> None:

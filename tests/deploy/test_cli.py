@@ -118,6 +118,9 @@ def test_commands_reach_a_bridge_and_topics_shows_it():
             assert "nobody publishes" not in seen.stdout
             lacking = run("topics", "--profile", "cmu", "--connect", endpoint)
             assert "not published, but needed by the bridge: /registered_scan" in lacking.stdout.replace("\n", " ")
+            misnamed = run("topics", "--set", "topics.scan=/front/scan", "--connect", endpoint)
+            words = " ".join(misnamed.stdout.split())
+            assert "sensor_msgs/msg/LaserScan is published on /scan: --set topics.scan=/scan" in words
         finally:
             stop.set()
             thread.join()
