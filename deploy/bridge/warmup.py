@@ -20,6 +20,7 @@ from deploy.bridge.way_out import way_out
 from deploy.config import DeployConfig
 from deploy.driving import LocalPlanner
 from deploy.mapping.robot_map import RobotMap
+from deploy.mapping.warmup import warm_up_motion
 
 log = logging.getLogger(__name__)
 
@@ -41,6 +42,7 @@ def warm_up(config: DeployConfig, planners: list[tuple[Planner, TaskName]]) -> N
     """
     began = time.perf_counter()
     warm_up_mapping()
+    warm_up_motion()
     cell = _CELL
     target = (50.0 * cell, 50.0 * cell)
     # Poses come from here, whatever the robot's own source of them is.

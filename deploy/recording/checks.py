@@ -12,16 +12,19 @@ from typing import Any
 import numpy as np
 
 from common.errors import MappingError
-from deploy.config import DeployConfig
+from deploy.config import DeployConfig, SensingConfig
 from deploy.recording.reader import Recorded
-from deploy.ros2.conversions import points_from, transforms_from
+from deploy.ros2.conversions import cloud_note, points_from, scan_from, scan_note, transforms_from
 from deploy.ros2.errors import RosError
 from deploy.ros2.messages import Message, deserialize, seconds, typestore
 from deploy.ros2.names import namespace, topic_name
+from deploy.ros2.no_return import understood
 from deploy.tf.transform import Transform
 
 _KNOWN_GRID_VALUES = frozenset({-1, 0, 100})
 _SKEW = 1.0
+# Sentences about the messages of one topic, the most frequent ones.
+_SHOWN = 3
 
 
 @dataclass(slots=True)
@@ -42,6 +45,8 @@ class TopicCheck:
         values: of grids: number of cells by value.
         shapes: of grids: sizes seen, columns x rows.
         figures: of scans, clouds and odometry: sums of what the notes are made from.
+        stamp: the last one.
+        strange: what the bridge would say of a scan or cloud that it can use all the same, or why it cannot.
     """
 
     kind: str
@@ -58,6 +63,7 @@ class TopicCheck:
     shapes: Counter[str] = field(default_factory=Counter)
     figures: Counter[str] = field(default_factory=Counter)
     stamp: float = -math.inf
+    strange: Counter[str] = field(default_factory=Counter)
 
     @property
     def rate(self) -> float:
@@ -132,9 +138,10 @@ class Checks:
             return
         try:
             message = deserialize(recorded.payload, recorded.kind, self._distro)
-            _look(check, message, arrival)
-        except (RosError, MappingError):
+            _look(check, message, arrival, self._config.sensing)
+        except (RosError, MappingError) as error:
             check.invalid += 1
+            check.strange[str(error)] += 1
 
     def warnings(self) -> list[str]:
         """Return what a bridge with these parameters would stumble over, one line each."""
@@ -155,6 +162,7 @@ class Checks:
         for name, check in self.topics.items():
             if check.invalid:
                 found.append(f"{name}: {check.invalid} of {check.count} messages cannot be read or make no sense")
+            found += [f"{name}: {text} ({count} messages)" for text, count in check.strange.most_common(_SHOWN)]
             if check.backwards:
                 found.append(f"{name}: {check.backwards} stamps are older than the one before")
             if check.delay_most > _SKEW or check.delay_least < -_SKEW:
@@ -217,7 +225,7 @@ def histogram(values: Mapping[int, int], bins: int = 10) -> list[tuple[str, floa
     return rows
 
 
-def _look(check: TopicCheck, message: Message, arrival: float) -> None:
+def _look(check: TopicCheck, message: Message, arrival: float, sensing: SensingConfig) -> None:
     if check.kind == "tf2_msgs/msg/TFMessage":
         for _, parent, child, translation, rotation in transforms_from(message):
             check.frames[f"{parent} -> {child}"] += 1
@@ -238,6 +246,8 @@ def _look(check: TopicCheck, message: Message, arrival: float) -> None:
         check.values = Counter(dict(zip(values.tolist(), counts.tolist(), strict=True)))
         check.shapes[f"{message.info.width} x {message.info.height} of {message.info.resolution:.3g} m"] += 1
     elif check.kind == "sensor_msgs/msg/LaserScan":
+        _, strange = understood(scan_from(message), sensing.no_return)
+        check.strange.update(filter(None, (scan_note(message), strange)))
         ranges = np.asarray(message.ranges)
         check.figures["beams"] += ranges.size
         check.figures["nan"] += int(np.isnan(ranges).sum())
@@ -245,6 +255,7 @@ def _look(check: TopicCheck, message: Message, arrival: float) -> None:
         check.figures["returns"] += int(((ranges >= message.range_min) & (ranges < message.range_max)).sum())
     elif check.kind == "sensor_msgs/msg/PointCloud2":
         check.figures["points"] += len(points_from(message))
+        check.strange.update(filter(None, (cloud_note(message),)))
     elif check.kind == "nav_msgs/msg/Odometry":
         speed = math.hypot(message.twist.twist.linear.x, message.twist.twist.linear.y)
         if math.isfinite(speed):

@@ -100,3 +100,23 @@ def test_clouds_transforms_and_strangers():
 def test_a_blind_lidar():
     blind = [one for tick in range(30) for one in (pose(tick * 0.1), scan(tick * 0.1, (np.inf, np.inf)))]
     assert any("no beam ever returned" in one for one in look(*blind).warnings())
+
+
+def test_scans_of_which_the_bridge_would_say_something_are_named():
+    """The lidar says 0 where it meets nothing, and counts the time of a beam in milliseconds."""
+    messages = good()
+    for tick in range(30):
+        seen = Scan(np.array([2.0, 0.0, 0.0, 3.0], np.float32), 0.0, 0.1, 10.0, 0.1)
+        value = laser_scan(BEGIN + 0.1 * tick, "laser", seen)
+        value.time_increment = 25.0
+        messages.append(recorded("/scan", SCAN, 0.1 * tick + 0.05, value))
+    warnings = look(*messages).warnings()
+    assert any("/scan" in one and "sensing.no_return=0" in one and "30 messages" in one for one in warnings)
+    assert any("/scan" in one and "time_increment" in one for one in warnings)
+
+
+def test_why_a_scan_cannot_be_read_is_told():
+    value = laser_scan(BEGIN, "laser", Scan(np.ones(4, np.float32), -180.0, 0.5, 10.0, 0.1))
+    warnings = look(*good(), recorded("/scan", SCAN, 1.0, value)).warnings()
+    assert any("1 of 31 messages cannot be read" in one for one in warnings)
+    assert any("are they degrees?" in one for one in warnings)
