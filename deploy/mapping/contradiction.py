@@ -18,7 +18,8 @@ _TURN: Final = 0.2
 # So many comparisons count, and so many beams of each.
 _LOOKS: Final = 10
 _BEAMS: Final = 90
-# Right mounts, poses and clocks give 0.95 and more, a mirrored scan 0.2, people in the way 0.8.
+# In one simulated room (test_contradiction.py) the median is 0.99, with people who hide a third of it
+# 0.76, of stamps a second late 0.49, of mirrored scans 0.17.
 _CONTRADICTS: Final = 0.5
 
 
