@@ -5,12 +5,10 @@ from __future__ import annotations
 import logging
 import threading
 
-from common.bus.endpoint import is_loopback
-from common.errors import ConfigError
 from common.system.signals import stopping_signals
 from deploy.config import DeployConfig
 from deploy.relay.relay import Relay
-from deploy.ros2.session import guest_of
+from deploy.ros2.session import router_for_bridge
 
 log = logging.getLogger(__name__)
 
@@ -45,15 +43,4 @@ def as_router(config: DeployConfig) -> DeployConfig:
     Raises:
         ConfigError: that is another machine.
     """
-    ros = config.ros
-    if ros.listen:
-        # The bridge is the router, and the relay its guest.
-        return config.model_copy(update={"ros": guest_of(ros)})
-    elsewhere = [endpoint for endpoint in ros.connect if not is_loopback(endpoint)]
-    if elsewhere or not ros.connect:
-        raise ConfigError(
-            "the relay is the router of the robot's Zenoh network, and ros.connect names "
-            f"{', '.join(elsewhere) or 'nothing'}: give the endpoint to listen on with --listen, or that of an "
-            "existing router with --connect"
-        )
-    return config.model_copy(update={"ros": ros.model_copy(update={"listen": ros.connect, "connect": ()})})
+    return config.model_copy(update={"ros": router_for_bridge(config.ros, "the relay")})

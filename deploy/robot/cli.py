@@ -38,7 +38,6 @@ Scale = Annotated[
 ]
 # What a simulated robot takes, all at once, whichever is missed first.
 _EXTRAS = ("actor", "pybullet", "robot", "plots")
-ENDPOINT = "tcp/127.0.0.1:7447"
 
 EXAMPLES = """
 Examples:
@@ -81,7 +80,7 @@ def robot(
         list[str] | None, typer.Option(help="Join the router at this endpoint instead of being one.")
     ] = None,
     listen: Annotated[
-        list[str] | None, typer.Option(help=f"Be the router at this endpoint. [default: {ENDPOINT}]")
+        list[str] | None, typer.Option(help="Be the router at this endpoint. [default: where the bridge connects to]")
     ] = None,
     metres_per_pixel: Scale = None,
     seed: Annotated[int, typer.Option(help="Number of the world in its source, and seed of all noise.")] = 0,
@@ -268,17 +267,23 @@ def checked_options(values: dict[str, object]) -> RobotOptions:
 def robot_config(config: DeployConfig, connect: list[str] | None, listen: list[str] | None) -> DeployConfig:
     """Return the bridge's configuration as the robot uses it: it is the router, unless it is to join one.
 
+    Without either option it listens where the bridge connects to, or joins the bridge where that listens.
+
     Raises:
-        ConfigError: both are given, or an endpoint is none.
+        ConfigError: both are given, an endpoint is none, or neither is given and the bridge connects elsewhere.
     """
     if connect and listen:
         raise ConfigError("--connect joins a router and --listen is one: give one of the two")
+    if not connect and not listen:
+        from deploy.ros2.session import router_for_bridge
+
+        return config.model_copy(update={"ros": router_for_bridge(config.ros, "the simulated robot")})
     from pydantic import ValidationError
 
     from common.problems import first_problem
     from deploy.network_config import RosConfig
 
-    endpoints = {"connect": connect or (), "listen": () if connect else listen or [ENDPOINT]}
+    endpoints = {"connect": connect or (), "listen": listen or ()}
     try:
         ros = RosConfig.model_validate({**config.ros.model_dump(exclude_unset=True), **endpoints})
     except ValidationError as error:

@@ -35,6 +35,8 @@ def run_robot(options: RobotOptions, config: DeployConfig, stop: threading.Event
     with SimulatedRobot(options, config) as robot, Node(config.ros, NODE_NAME) as node:
         interface = RobotInterface(node, robot, config)
         log.info("the robot lives in %s; %s", robot.world.name, _description(robot, config))
+        ros = config.ros
+        log.info("Zenoh %s %s", "router at" if ros.listen else "at", ", ".join(ros.listen or ros.connect))
         pace = Pace(options.speed_factor)
         report = _REPORT_SECONDS
         while not stop.is_set() and (seconds is None or robot.time < seconds):

@@ -11,7 +11,7 @@ from deploy.cli import app
 from deploy.config import DeployConfig, DrivingConfig
 from deploy.profiles import load_deploy_config
 from deploy.robot import defaults
-from deploy.robot.cli import ENDPOINT, checked_options, placed, robot_config, suited_settings
+from deploy.robot.cli import checked_options, placed, robot_config, suited_settings
 from deploy.robot.options import RobotOptions
 from deploy.robot.simulation import load_world
 from deploy.robot.trial import robot_arguments
@@ -29,11 +29,21 @@ def test_help_shows_examples(command):
 
 
 def test_the_robot_is_a_router_on_the_loopback_unless_it_joins_one():
-    assert robot_config(DeployConfig(), None, None).ros.listen == (ENDPOINT,)
+    assert robot_config(DeployConfig(), None, None).ros.listen == ("tcp/127.0.0.1:7447",)
     joined = robot_config(DeployConfig(), ["tcp/10.0.0.5:7447"], None).ros
     assert (joined.connect, joined.listen) == (("tcp/10.0.0.5:7447",), ())
     with pytest.raises(ConfigError, match="one of the two"):
         robot_config(DeployConfig(), ["tcp/10.0.0.5:7447"], ["tcp/127.0.0.1:7448"])
+
+
+def test_the_robot_is_where_the_bridges_own_settings_say():
+    elsewhere = load_deploy_config(overrides=["ros.connect=tcp/127.0.0.1:7450"])
+    assert robot_config(elsewhere, None, None).ros.listen == ("tcp/127.0.0.1:7450",)
+    listening = load_deploy_config(overrides=["ros.listen=tcp/127.0.0.1:7451", "ros.connect="])
+    joined = robot_config(listening, None, None).ros
+    assert (joined.connect, joined.listen) == (("tcp/127.0.0.1:7451",), ())
+    with pytest.raises(ConfigError, match=r"ros.connect names tcp/10.0.0.7:7447: .*--listen"):
+        robot_config(load_deploy_config(overrides=["ros.connect=tcp/10.0.0.7:7447"]), None, None)
 
 
 def test_a_wrong_option_is_named_as_it_was_written():
