@@ -202,12 +202,13 @@ class Place:
 def work() -> Iterator[tuple[tuple[Training, int] | None, list[Place]]]:
     """Yield what is to be done: each training with its seed, and the rows that need it.
 
-    First come the rows without any, then the first seed of all trainings, then the other seeds: those of the paper's
-    own variants before those of what they are compared with.
+    First come the rows without any, then the first seed of all trainings, then one training after the other its further
+    seeds: those of the paper's own variants and of their inputs before those of the baselines.
     """
     places = [Place(table, row) for table in TABLES for row in table.rows]
     yield from ((None, [place]) for place in places if place.row.training is None)
-    trainings = [(training, seed) for seed in SEEDS for training in TRAININGS]
-    for training, seed in sorted(trainings, key=lambda each: each[1] > 0 and each[0].label not in _VARIANTS):
+    first = [(training, SEEDS[0]) for training in TRAININGS]
+    further = [(training, seed) for training in TRAININGS for seed in SEEDS[1:]]
+    for training, seed in first + further:
         needs = (training.name, seed)
         yield (training, seed), [place for place in places if (place.row.training, place.row.seed) == needs]
