@@ -107,6 +107,8 @@ class Inputs:
         pose = None if stamp is None else self._map.pose
         if stamp is not None and pose is not None:
             self._moved(stamp, pose, received)
+        if swing := self._map.swing:
+            self._health.disagreed(received.time, swing)
 
     def take_static_transforms(self, transforms: Message, received: Received) -> None:
         """Take a tf2_msgs/TFMessage of /tf_static."""

@@ -26,10 +26,11 @@ from deploy.mapping.volume import ExploredVolume
 from deploy.mapping.waiting import Cloud, Waiting
 from deploy.network_config import FramesConfig
 from deploy.tf.stamps import Order, StampOrder
-from deploy.tf.transform import Transform
+from deploy.tf.swings import PoseSwings
+from deploy.tf.transform import Quaternion, Transform, Vector
 from deploy.tf.transforms import TransformTree
 
-StampedTransform = tuple[float, str, str, tuple[float, float, float], tuple[float, float, float, float]]
+StampedTransform = tuple[float, str, str, Vector, Quaternion]
 
 # Messages that may wait for a pose, and beams that may wait for the map: four and five seconds at 10 Hz.
 MAX_WAITING: Final = 40
@@ -58,6 +59,7 @@ class Intake:
         cloud: the newest cloud with its place, for the OctoMap; the caller takes it out.
         messages: what became of the scans, clouds and transforms that came.
         volume: the explored volume.
+        swing: which link to the base two publishers contest, by the transforms that came last; empty without.
     """
 
     def __init__(self, frames: FramesConfig, sensing: SensingConfig, farthest: float, driving: DrivingConfig) -> None:
@@ -83,6 +85,8 @@ class Intake:
         self._first_of_frame: dict[str, float] = {}
         self._given_up: set[str] = set()
         self._orders: dict[str, StampOrder] = {}
+        self._swings: dict[str, PoseSwings] = {}
+        self.swing = ""
         self._connected = False
         self._first_clock = float("inf")
         self.messages = MessageLog()
@@ -162,6 +166,7 @@ class Intake:
             The newest stamp of those that move the base, seconds; None without, and where poses come by odometry.
         """
         moved: dict[str, float] = {}
+        self.swing = ""
         for moment, parent, child, translation, rotation in transforms:
             try:
                 self._tree.add(moment, parent, child, translation, rotation, static=static)
@@ -172,8 +177,9 @@ class Intake:
                 if self._ordered(f"transform of {child}", moment) is Order.SET_BACK:
                     self._tree.add(moment, parent, child, translation, rotation)
                 self._tick(moment)
+                self._look_for_swings(moment, parent, child, translation, rotation)
                 moved[plain(child)] = max(moment, moved.get(plain(child), moment))
-        self.messages.note(self._tree.contested or self._tree.changed)
+        self.messages.note(self.swing or self._tree.contested or self._tree.changed)
         if self._by_tf and not self._connected:
             self._connected = self._placing.newest_pose is not None
             if np.isfinite(self._clock):
@@ -275,6 +281,7 @@ class Intake:
             self._waiting.clear()
             self._newest.clear()
             self._first_of_frame.clear()
+            self._swings.clear()
             # What the other streams say next is right, whether their clocks are the same one or not.
             self._orders = {stream: self._orders[stream]}
             self._clock = time
@@ -282,6 +289,13 @@ class Intake:
 
     def _tick(self, time: float) -> None:
         self._clock = time if time < self._clock - CLOCK_JUMP else max(self._clock, time)
+
+    def _look_for_swings(self, time: float, parent: str, child: str, translation: Vector, rotation: Quaternion) -> None:
+        """Note where a link that carries the base swings between what two publishers say of it."""
+        child = plain(child)
+        if self._tree.carries(self._names.map, self._names.base, child):
+            swings = self._swings.setdefault(child, PoseSwings(f"transform {plain(parent)} -> {child}"))
+            self.swing = swings.take(time, Transform.checked(translation, rotation).pose) or self.swing
 
     def _must_wait(self, message: Waiting) -> bool:
         newest = self._placing.newest_pose

@@ -239,6 +239,12 @@ class RobotMap:
             return self._intake.pose
 
     @property
+    def swing(self) -> str:
+        """Which link to the base two publishers contest, by the transforms added last; empty without."""
+        with self._intake_lock:
+            return self._intake.swing
+
+    @property
     def statistics(self) -> MapStatistics:
         """What became of the sensor messages, since the last reset where it is about the map."""
         with self._intake_lock:

@@ -13,9 +13,9 @@ from deploy.safety.faults import FaultKind as FaultKind  # noqa: PLC0414
 from deploy.safety.geofence import Geofence
 from deploy.safety.motion import MotionWatch
 from deploy.safety.sensor_watch import SensorWatch
-from deploy.safety.swings import PoseSwings
 from deploy.tf.leaps import leap
 from deploy.tf.stamps import Order, StampOrder
+from deploy.tf.swings import PoseSwings
 
 
 class HealthMonitor:
@@ -64,7 +64,7 @@ class HealthMonitor:
         self._pose_order = StampOrder()
         self._clock: tuple[float, str] | None = None
         self._motion = MotionWatch()
-        self._swings = PoseSwings()
+        self._swings = PoseSwings("odometry or the transform of the base")
         self._map_time: float | None = None
         self._pose: tuple[float, float, Pose] | None = None
         self._jump: tuple[float, str] | None = None
@@ -121,12 +121,16 @@ class HealthMonitor:
             leapt = leap(last, pose, elapsed, self._config.pose_jump, self._config.speed_limit)
             if leapt:
                 self._jump = now, leapt
-        swings = self._swings.take(now, pose) if self._pose is None or stamp >= self._pose[1] else ""
+        swings = self._swings.take(stamp, pose)
         if swings:
-            self._jump = now, swings
+            self.disagreed(now, swings)
         if self._advances(self._pose_order, stamp, now):
             self._pose = now, stamp, pose
             self._motion.heard_pose(now, stamp, pose)
+
+    def disagreed(self, now: float, reason: str) -> None:
+        """Two sources of the pose contradict each other, so that none tells where the robot is."""
+        self._jump = now, reason
 
     def commanded(self, now: float, linear: float, angular: float) -> None:
         """A velocity was let through to the wheels, m/s and rad/s; the pose has to show it."""
@@ -188,6 +192,7 @@ class HealthMonitor:
         newest = order.newest
         found = order.take(stamp)
         if found is Order.SET_BACK and newest is not None:
+            self._swings.forget()
             self._clock = (
                 now,
                 f"the robot's clock was set back by {newest - stamp:.2f} s or more: earlier data is discarded",

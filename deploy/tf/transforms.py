@@ -221,6 +221,11 @@ class TransformTree:
         path = self._path(target.lstrip("/"), source.lstrip("/"))
         return None if path is None else self._first_moving(path[0])
 
+    def carries(self, target: str, source: str, frame: str) -> bool:
+        """Whether a frame's own link lies between two connected frames, such as map -> odom for map and base_link."""
+        path = self._path(target.lstrip("/"), source.lstrip("/"))
+        return path is not None and (frame.lstrip("/") in path[0] or frame.lstrip("/") in path[1])
+
     def lookup(self, target: str, source: str, time: float, tolerance: float) -> Transform | None:
         """Return where the source frame lies in the target frame at a time.
 

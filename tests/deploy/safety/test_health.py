@@ -175,7 +175,7 @@ def test_reset_forgets():
     assert FaultKind.POLICY_ERROR not in kinds(monitor)
 
 
-@pytest.mark.parametrize("step", [0.0, 0.01], ids=["same stamps", "stamps of their own"])
+@pytest.mark.parametrize("step", [0.0, 0.01, -0.02], ids=["same stamps", "later stamps", "earlier stamps"])
 @pytest.mark.parametrize("other", [(0.5, 0.0), (0.0, 0.3)], ids=["places", "headings"])
 def test_two_publishers_of_the_pose_that_disagree_are_a_fault(step, other):
     monitor = healthy()
