@@ -110,13 +110,28 @@ def topics(
 ) -> None:
     """List the nodes and topics on the robot's network, and which ones the bridge still needs.
 
+    Behind a relay these are the topics that others publish in DDS.
+
     Example: `hd-deploy topics --profile cmu --connect tcp/192.168.1.5:7447`
     """
+    from common.bus.control import request
+    from deploy.relay.relay import node_of_relay, relay_name
     from deploy.ros2.graph import watch
-    from deploy.ros2.session import guest_of
+    from deploy.ros2.session import guest_of, open_session
 
     resolved = load_options(profile, config, overrides, connect)
-    graph = watch(guest_of(resolved.ros), wait)
+    guest = guest_of(resolved.ros)
+    graph = watch(guest, wait)
+    relay = node_of_relay(resolved.ros)
+    in_dds: dict[str, list[str]] = {}
+    problems: list[str] = []
+    if any(node.name == relay for node in graph.nodes):
+        try:
+            with open_session(guest) as session:
+                told = request(session, relay_name(resolved.name), "status", asked="relay")
+            in_dds, problems = told["published_in_dds"], told["problems"]
+        except BusError as error:
+            problems = [f"nothing: {error}"]
     console = output_console()
     if not graph.nodes and not graph.endpoints:
         if graph.elsewhere:
@@ -126,7 +141,7 @@ def topics(
                 "same domain"
             )
         raise BusError(
-            f"no ROS 2 node found at {', '.join(guest_of(resolved.ros).connect)}: check the endpoint, ros.domain "
+            f"no ROS 2 node found at {', '.join(guest.connect)}: check the endpoint, ros.domain "
             f"({resolved.ros.domain}) and that the robot's RMW is rmw_zenoh, or a zenoh-bridge-ros2dds runs"
         )
     console.print(f"nodes: {', '.join(node.name for node in graph.nodes) or 'none'}")
@@ -140,7 +155,19 @@ def topics(
         kinds = ", ".join(sorted({each.kind for each in endpoints}))
         table.add_row(topic, kinds, by_role["publisher"], by_role["subscription"])
     console.print(table)
-    published = {topic for topic, endpoints in found.items() if any(each.role == "publisher" for each in endpoints)}
+    # What a relay publishes here is published only if somebody does so in DDS.
+    kinds_of = {
+        topic: {each.kind for each in endpoints if each.role == "publisher" and each.node != relay}
+        for topic, endpoints in found.items()
+    }
+    for topic, names in in_dds.items():
+        kinds_of[topic] = kinds_of.get(topic, set()) | set(names)
+    if in_dds:
+        listed = "".join(f"\n  {topic}: {', '.join(names)}" for topic, names in in_dds.items())
+        console.print(f"published in DDS, behind {relay}:{listed}", highlight=False)
+    for problem in problems:
+        console.print(f"the relay says: {problem}", style="yellow", highlight=False)
+    published = {topic for topic, names in kinds_of.items() if names}
     missing = [need for need in _needed(resolved) if need[1] not in published]
     if missing:
         console.print(
@@ -148,11 +175,7 @@ def topics(
         )
     for setting, _, kind in missing:
         # Another name, or another namespace, is the most frequent reason.
-        others = [
-            topic
-            for topic, endpoints in found.items()
-            if any(each.role == "publisher" and each.kind == kind for each in endpoints)
-        ]
+        others = [topic for topic, names in kinds_of.items() if kind in names]
         if others:
             console.print(
                 f"{kind} is published on {', '.join(others)}: --set topics.{setting}={others[0]}", style="yellow"

@@ -19,6 +19,8 @@ log = logging.getLogger(__name__)
 
 DOMAIN_VARIABLE: Final = "ROS_DOMAIN_ID"
 _EARS: Final = "_relay"
+# A duration that is longer stands for ever in DDS.
+_FOREVER_NS: Final = 10**18
 # How long the end waits for a thread, seconds.
 _END: Final = 2.0
 
@@ -32,12 +34,14 @@ class Peer:
         kind: message type that it speaks.
         type_hash: of that type, or empty where its middleware tells none.
         qos: what it offers or asks.
+        promise: what else it offers or asks that not every publisher offers, in words; empty for nothing.
     """
 
     node: str
     kind: str
     type_hash: str
     qos: QoS
+    promise: str = ""
 
 
 class DdsNode(Closing):
@@ -194,6 +198,21 @@ class DdsNode(Closing):
         """Return the subscriptions that other nodes have to a topic."""
         return self._peers(self._node.get_subscriptions_info_by_topic(topic))
 
+    def published(self) -> dict[str, list[str]]:
+        """Return the topics that other nodes publish, with their types; hidden ones are left out."""
+        return {
+            topic: kinds
+            for topic, kinds in sorted(self._node.get_topic_names_and_types())
+            if "/_" not in topic and self.publishers_of(topic)
+        }
+
+    def alone(self) -> bool:
+        """Whether no other node is in the domain, but hidden ones of tools."""
+        return all(
+            name.startswith("_") or f"{within.rstrip('/')}/{name}" in {self.full_name, f"{self.full_name}{_EARS}"}
+            for name, within in self._node.get_node_names_and_namespaces()
+        )
+
     def namesakes(self) -> int:
         """Return how many other nodes have this one's full name."""
         found = self._node.get_node_names_and_namespaces()
@@ -239,7 +258,7 @@ class DdsNode(Closing):
             )
             known = getattr(info, "topic_type_hash", None)
             type_hash = "" if known is None or known.version < 1 else str(known)
-            peers.append(Peer(node, info.topic_type, type_hash, asked))
+            peers.append(Peer(node, info.topic_type, type_hash, asked, _promise(info.qos_profile)))
         return peers
 
 
@@ -266,6 +285,21 @@ def _profile(qos: QoS) -> Any:
         history=HistoryPolicy.KEEP_LAST,
         depth=qos.depth,
     )
+
+
+def _promise(profile: Any) -> str:
+    """Return the deadline and the liveliness of a QoS in words; empty where it has none."""
+    from rclpy.qos import LivelinessPolicy
+
+    told = []
+    durations = ("deadline", profile.deadline), ("lease of liveliness", profile.liveliness_lease_duration)
+    for name, duration in durations:
+        # Not given is 0.
+        if 0 < duration.nanoseconds < _FOREVER_NS:
+            told.append(f"a {name} of {duration.nanoseconds * 1e-9:g} s")
+    if profile.liveliness is LivelinessPolicy.MANUAL_BY_TOPIC:
+        told.append("manual liveliness")
+    return " and ".join(told)
 
 
 def _policy(info: Any) -> str:

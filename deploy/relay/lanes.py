@@ -131,13 +131,15 @@ class ToRobot(Lane):
     """
 
     def __init__(self, route: Route, dds: DdsNode, node: Node) -> None:
-        """Declare the publisher in DDS; `open` begins to listen in Zenoh.
+        """Declare the publisher in DDS; `follow` begins to listen in Zenoh.
 
         Raises:
             RosError: its type cannot be had.
         """
         super().__init__(route)
+        self._dds = dds
         self._node = node
+        self._pushed_out = 0
         self.tell: Callable[[bytes], None] | None = None
         self._publish = dds.publisher(route.topic, route.kind, route.qos, self._mismatch)
         self._subscription: Any = None
@@ -145,11 +147,18 @@ class ToRobot(Lane):
     @property
     def lost(self) -> int:
         """Messages that could not be sent on, or that newer ones pushed out."""
-        return self._failed + (0 if self._subscription is None else self._subscription.dropped)
+        return self._failed + self._pushed_out + (0 if self._subscription is None else self._subscription.dropped)
 
-    def open(self) -> None:
-        """Carry the topic from now on."""
-        self._subscription = self._node.subscribe_raw(self.route.topic, self.route.kind, self._take, self.route.qos)
+    def follow(self) -> None:
+        """Listen in Zenoh, to what is mirrored only while somebody in DDS listens."""
+        route = self.route
+        wanted = not route.mirrored or any(peer.kind == route.kind for peer in self._dds.subscriptions_to(route.topic))
+        if wanted and self._subscription is None:
+            self._subscription = self._node.subscribe_raw(route.topic, route.kind, self._take, route.qos)
+        elif not wanted and self._subscription is not None:
+            self._subscription.close()
+            self._pushed_out += self._subscription.dropped
+            self._subscription = None
 
     def send(self, payload: bytes) -> None:
         """Send a message of the relay's own to the robot."""
@@ -167,6 +176,9 @@ class ToRobot(Lane):
             self.tell(payload)
 
     def _mismatch(self, policy: str) -> None:
+        if policy not in {"RELIABILITY", "DURABILITY"}:
+            # The graph monitor says who asks for what.
+            return
         log.warning(
             "%s: a subscription receives nothing, because it requests more %s than is offered (%s)",
             self.route.topic,

@@ -13,6 +13,7 @@ from common.bus.control import ControlServer, request
 from common.errors import BusError
 from common.system.closing import Closing
 from deploy.config import DeployConfig
+from deploy.network_config import RosConfig
 from deploy.relay.dds import DdsNode, domain_of
 from deploy.relay.graph_monitor import GraphMonitor
 from deploy.relay.lanes import Lane, ToBridge, ToRobot
@@ -29,6 +30,7 @@ _LOOK: Final = 1.0
 _COUNTERS: Final = 10.0
 DISCOVERY_SECONDS: Final = 3.0
 """DDS nodes find each other at once, or, where the first announcement was lost, within 2.5 s as measured."""
+_SUFFIX: Final = "_relay"
 # A transition may take its time; whoever only asks should not.
 _SERVICE_SECONDS: Final = 3.0
 
@@ -64,19 +66,19 @@ class Relay(Closing):
             self._dds = enter(DdsNode(ros.node, namespace(ros.namespace), domain=domain, distro=ros.distro))
             self._check_alone_in_dds(domain)
             # Absolute names, remapped already.
-            self._node = enter(Node(ros.model_copy(update={"node": f"{ros.node}_relay"})))
+            self._node = enter(Node(ros.model_copy(update={"node": f"{ros.node}{_SUFFIX}"})))
             self._check_alone_in_zenoh()
             self._to_robot = [
                 ToRobot(route, self._dds, self._node) for route in routes if route.direction is Direction.TO_ROBOT
             ]
             self._standstill = self._watched_over()
             for lane in self._to_robot:
-                lane.open()
+                lane.follow()
             self._to_bridge = [
                 ToBridge(route, self._dds, self._node) for route in routes if route.direction is Direction.TO_BRIDGE
             ]
             self._services = self._offer_services()
-            self._monitor = GraphMonitor(self._dds, self._lanes, ros.distro)
+            self._monitor = GraphMonitor(self._dds, self._lanes, ros.distro, domain)
             name = relay_name(config.name)
             enter(ControlServer(self._node.session, name, lambda _: self.status(), ("status",)))
         except BaseException:
@@ -95,10 +97,12 @@ class Relay(Closing):
         while not stop.wait(_TICK):
             now = time.monotonic()
             self._standstill.tick(now)
-            for lane in self._to_bridge:
-                lane.adapt()
+            for inwards in self._to_bridge:
+                inwards.adapt()
             if now >= next_look:
                 next_look = now + _LOOK
+                for lane in self._to_robot:
+                    lane.follow()
                 self._monitor.look(now - self._began)
             if now >= next_counters:
                 next_counters = now + _COUNTERS
@@ -128,6 +132,7 @@ class Relay(Closing):
             "services": self._services,
             "lost": sum(lane.lost for lane in self._lanes),
             "problems": self._monitor.problems,
+            "published_in_dds": self._dds.published(),
             "to_bridge": {lane.route.topic: lane.status(now) for lane in self._to_bridge},
             "to_robot": {lane.route.topic: lane.status(now) for lane in self._to_robot},
         }
@@ -202,3 +207,8 @@ class Relay(Closing):
 def relay_name(robot: str) -> str:
     """Return the name under which the relay of a robot answers on the bus."""
     return f"{robot[:58]}-relay"
+
+
+def node_of_relay(ros: RosConfig) -> str:
+    """Return the full name of a relay's node in Zenoh."""
+    return f"{namespace(ros.namespace).rstrip('/')}/{ros.node}{_SUFFIX}"

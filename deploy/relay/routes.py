@@ -34,7 +34,10 @@ class Route:
         qos: asked of publishers where messages come from, and offered where they go to.
         needed: the bridge stands without it.
         moves: its messages move or stop the robot.
+        alone: no other node may publish it; where the robot's own stack drives, that publishes velocities, too.
         any_durability: publishers are heard from the first moment whether they keep their last message or not.
+        setting: the parameter that names it, such as ``topics.scan``.
+        mirrored: the relay listens in Zenoh only while somebody in DDS does, because the bridge asks who hears it.
     """
 
     topic: str
@@ -43,7 +46,10 @@ class Route:
     qos: QoS = RELIABLE
     needed: bool = False
     moves: bool = False
+    alone: bool = False
     any_durability: bool = False
+    setting: str = ""
+    mirrored: bool = False
 
 
 def routes_of(config: DeployConfig) -> list[Route]:
@@ -70,62 +76,72 @@ def _to_bridge(config: DeployConfig) -> list[Route]:
     topics, sensing = config.topics, config.sensing
     by_tf = sensing.pose == "tf"
     wanted = [
-        (topics.odometry, "nav_msgs/msg/Odometry", _POSES, not by_tf),
-        (topics.tf, "tf2_msgs/msg/TFMessage", _TRANSFORMS, by_tf),
-        (topics.tf_static, "tf2_msgs/msg/TFMessage", STATIC, False),
-        (topics.scan, "sensor_msgs/msg/LaserScan", SENSOR, sensing.source == "scan"),
-        (topics.points, "sensor_msgs/msg/PointCloud2", SENSOR if by_tf else RELIABLE, sensing.source == "points"),
-        (topics.map, "nav_msgs/msg/OccupancyGrid", LATCHED, sensing.source == "grid"),
-        (topics.command, "std_msgs/msg/String", RELIABLE, False),
-        (topics.start, "std_msgs/msg/Bool", RELIABLE, False),
-        (topics.goal, "geometry_msgs/msg/PointStamped", RELIABLE, False),
-        (topics.goal_pose, "geometry_msgs/msg/PoseStamped", RELIABLE, False),
-        (topics.emergency_stop, "std_msgs/msg/Bool", QoS(transient_local=True), False),
-        (topics.joy, "sensor_msgs/msg/Joy", RELIABLE, False),
+        ("odometry", "nav_msgs/msg/Odometry", _POSES, not by_tf),
+        ("tf", "tf2_msgs/msg/TFMessage", _TRANSFORMS, by_tf),
+        ("tf_static", "tf2_msgs/msg/TFMessage", STATIC, False),
+        ("scan", "sensor_msgs/msg/LaserScan", SENSOR, sensing.source == "scan"),
+        ("points", "sensor_msgs/msg/PointCloud2", SENSOR if by_tf else RELIABLE, sensing.source == "points"),
+        ("map", "nav_msgs/msg/OccupancyGrid", LATCHED, sensing.source == "grid"),
+        ("command", "std_msgs/msg/String", RELIABLE, False),
+        ("start", "std_msgs/msg/Bool", RELIABLE, False),
+        ("goal", "geometry_msgs/msg/PointStamped", RELIABLE, False),
+        ("goal_pose", "geometry_msgs/msg/PoseStamped", RELIABLE, False),
+        ("emergency_stop", "std_msgs/msg/Bool", QoS(transient_local=True), False),
+        ("joy", "sensor_msgs/msg/Joy", RELIABLE, False),
     ]
     return [
         Route(
-            _absolute(topic, config),
+            _absolute(getattr(topics, name), config),
             kind,
             Direction.TO_BRIDGE,
             qos,
             needed,
             # Nobody presses a button again because the first press was not heard.
-            any_durability=topic == topics.emergency_stop,
+            any_durability=name == "emergency_stop",
+            setting=f"topics.{name}",
         )
-        for topic, kind, qos, needed in wanted
-        if topic
+        for name, kind, qos, needed in wanted
+        if getattr(topics, name)
     ]
 
 
 def _to_robot(config: DeployConfig) -> list[Route]:
     topics = config.topics
     wanted = [
-        (topics.velocity, f"geometry_msgs/msg/{config.driving.message}", RELIABLE, True),
-        (topics.stop, "std_msgs/msg/Int8", RELIABLE, True),
-        (topics.waypoint, "geometry_msgs/msg/PointStamped", RELIABLE, False),
-        (topics.waypoint_pose, "geometry_msgs/msg/PoseStamped", RELIABLE, False),
-        (topics.path, "nav_msgs/msg/Path", RELIABLE, False),
-        (topics.beacon, "geometry_msgs/msg/PointStamped", RELIABLE, False),
-        (topics.status, "std_msgs/msg/String", RELIABLE, False),
-        (topics.acknowledgement, "std_msgs/msg/String", RELIABLE, False),
-        (topics.diagnostics, "diagnostic_msgs/msg/DiagnosticArray", RELIABLE, False),
-        (topics.markers, "visualization_msgs/msg/MarkerArray", QoS(depth=1), False),
-        (topics.scene, "std_msgs/msg/String", QoS(depth=1), False),
-        (topics.belief, "nav_msgs/msg/OccupancyGrid", LATCHED, False),
-        (topics.watchdog, "std_msgs/msg/String", LATCHED, False),
-        (topics.speed, "std_msgs/msg/Float32", RELIABLE, False),
-        (topics.finished, "std_msgs/msg/Bool", RELIABLE, False),
-        (topics.goal_reached, "std_msgs/msg/Bool", RELIABLE, False),
-        (topics.runtime, "std_msgs/msg/Float32", RELIABLE, False),
-        (topics.explored_volume, "std_msgs/msg/Float32", RELIABLE, False),
-        (topics.travelling_distance, "std_msgs/msg/Float32", RELIABLE, False),
-        (topics.time_duration, "std_msgs/msg/Float32", RELIABLE, False),
+        ("velocity", f"geometry_msgs/msg/{config.driving.message}", RELIABLE, True),
+        ("stop", "std_msgs/msg/Int8", RELIABLE, True),
+        ("waypoint", "geometry_msgs/msg/PointStamped", RELIABLE, False),
+        ("waypoint_pose", "geometry_msgs/msg/PoseStamped", RELIABLE, False),
+        ("path", "nav_msgs/msg/Path", RELIABLE, False),
+        ("beacon", "geometry_msgs/msg/PointStamped", RELIABLE, False),
+        ("status", "std_msgs/msg/String", RELIABLE, False),
+        ("acknowledgement", "std_msgs/msg/String", RELIABLE, False),
+        ("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", RELIABLE, False),
+        ("markers", "visualization_msgs/msg/MarkerArray", QoS(depth=1), False),
+        ("scene", "std_msgs/msg/String", QoS(depth=1), False),
+        ("belief", "nav_msgs/msg/OccupancyGrid", LATCHED, False),
+        ("watchdog", "std_msgs/msg/String", LATCHED, False),
+        ("speed", "std_msgs/msg/Float32", RELIABLE, False),
+        ("finished", "std_msgs/msg/Bool", RELIABLE, False),
+        ("goal_reached", "std_msgs/msg/Bool", RELIABLE, False),
+        ("runtime", "std_msgs/msg/Float32", RELIABLE, False),
+        ("explored_volume", "std_msgs/msg/Float32", RELIABLE, False),
+        ("travelling_distance", "std_msgs/msg/Float32", RELIABLE, False),
+        ("time_duration", "std_msgs/msg/Float32", RELIABLE, False),
     ]
     return [
-        Route(_absolute(topic, config), kind, Direction.TO_ROBOT, qos, moves=moves)
-        for topic, kind, qos, moves in wanted
-        if topic
+        Route(
+            _absolute(getattr(topics, name), config),
+            kind,
+            Direction.TO_ROBOT,
+            qos,
+            moves=moves,
+            alone=moves and (name != "velocity" or config.driving.enabled),
+            setting=f"topics.{name}",
+            mirrored=name in {"waypoint", "waypoint_pose"},
+        )
+        for name, kind, qos, moves in wanted
+        if getattr(topics, name)
     ]
 
 

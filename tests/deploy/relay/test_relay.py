@@ -243,7 +243,7 @@ def test_wrong_types_and_other_sources_of_velocities_are_named(domain, caplog):
 
 def test_what_the_bridge_needs_and_nobody_publishes_is_named(domain, caplog):
     caplog.set_level(logging.WARNING)
-    with running_relay(robot(domain)):
+    with running_relay(robot(domain)), dds_node("base", domain):
         assert eventually(lambda: "no publisher in DDS for /scan" in caplog.text, 10.0)
 
 
