@@ -17,6 +17,7 @@ from deploy.bridge.command_text import CommandError
 from deploy.config import DeployConfig
 from deploy.page.feed import RobotFeed, roles_of
 from deploy.recording.errors import RecordingError
+from deploy.recording.order import FileOrder
 from deploy.recording.reader import read_bag
 from deploy.recording.steady import without_clock_steps
 
@@ -60,8 +61,11 @@ class Replay(Source):
         """
         self._path = path
         self._roles = {topic: role for role, (topic, _, _) in roles_of(config).items()}
+        self._order = FileOrder()
+        for _ in self._order.learning(read_bag(path)):
+            pass
         times, found = [], set()
-        for recorded in without_clock_steps(read_bag(path)):
+        for recorded in without_clock_steps(self._order.read(path, self._roles)):
             if recorded.topic in self._roles:
                 times.append(recorded.time)
                 found.add(self._roles[recorded.topic])
@@ -135,7 +139,7 @@ class Replay(Source):
 
     def _play_from_begin(self, jump: int) -> None:
         before = time.monotonic()
-        steady = without_clock_steps(read_bag(self._path), say=False)
+        steady = without_clock_steps(self._order.read(self._path, self._roles), say=False)
         messages = (each for each in steady if each.topic in self._roles)
         for recorded in chain(messages, [None]):
             at = self._length if recorded is None else (recorded.time - self._begin) * 1e-9

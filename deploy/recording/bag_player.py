@@ -123,6 +123,11 @@ class BagPlayer:
         self._result = Playback()
         self._takers = self._by_topic()
 
+    @property
+    def topics(self) -> set[str]:
+        """Absolute names of the topics that a replay uses."""
+        return {topic for topic, _ in self._takers}
+
     def run(self, messages: Iterable[Recorded]) -> Playback:
         """Replay to the end and return what was decided."""
         result = self._result

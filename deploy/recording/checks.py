@@ -23,6 +23,15 @@ from deploy.tf.transform import Transform
 
 _KNOWN_GRID_VALUES = frozenset({-1, 0, 100})
 _SKEW = 1.0
+# Topics that a warning names.
+_NAMED = 12
+_KINDS = {
+    "scan": "sensor_msgs/msg/LaserScan",
+    "points": "sensor_msgs/msg/PointCloud2",
+    "map": "nav_msgs/msg/OccupancyGrid",
+    "odometry": "nav_msgs/msg/Odometry",
+    "tf": "tf2_msgs/msg/TFMessage",
+}
 # Sentences about the messages of one topic, the most frequent ones.
 _SHOWN = 3
 
@@ -153,10 +162,7 @@ class Checks:
             name = self._name(what)
             check = self.topics.get(name)
             if check is None:
-                found.append(
-                    f"no message on {name}, which the bridge needs (topics.{what}); "
-                    f"there are {', '.join(self.topics) or 'no topics at all'}"
-                )
+                found.append(f"no message on {name}, which the bridge needs (topics.{what}); {self._instead_of(what)}")
             elif what != "map" and (gap := max(check.gap, self._end - check.last)) > limit:
                 found.append(f"{name} paused for {gap:.2f} s: the robot would be stopped after {limit:g} s")
         for name, check in self.topics.items():
@@ -180,6 +186,13 @@ class Checks:
     def _name(self, what: str) -> str:
         topics = self._config.topics
         return topic_name(getattr(topics, what), namespace(self._config.ros.namespace), topics.remap)
+
+    def _instead_of(self, what: str) -> str:
+        """Say what the recording holds in the place of a topic that is not there."""
+        alike = [name for name, check in self.topics.items() if check.kind == _KINDS[what]]
+        if alike:
+            return f"{_KINDS[what]} is there on {_some(alike)}: --set topics.{what}={alike[0]}"
+        return f"there are {_some(list(self.topics)) or 'no topics at all'}"
 
     def _frame_warnings(self, name: str, check: TopicCheck, map_frame: str) -> list[str]:
         sensing = self._config.sensing
@@ -213,6 +226,11 @@ class Checks:
         if wrong:
             found.append(f"{name}: {wrong} cells have values outside -1 to 100")
         return found
+
+
+def _some(names: list[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
 
 
 def histogram(values: Mapping[int, int], bins: int = 10) -> list[tuple[str, float]]:

@@ -119,6 +119,7 @@ def replay(
     from deploy.recording.bag_player import BagPlayer, has_decisions
     from deploy.recording.checks import Checks
     from deploy.recording.comparison import compare
+    from deploy.recording.order import FileOrder
     from deploy.recording.reader import read_bag, recorded_config
     from deploy.recording.report import show, summary
     from deploy.recording.viewer import Viewer
@@ -133,7 +134,8 @@ def replay(
         refuse_modules(named_parts(resolved), given, f"the recording {path}", "give --planner, or --set to change it")
     viewer = Viewer(resolved.ros.distro) if rerun else None
     checks = Checks(resolved)
-    for recorded in read_bag(path):
+    order = FileOrder()
+    for recorded in order.learning(read_bag(path)):
         checks.add(recorded)
         if viewer is not None:
             viewer.show(recorded.topic, recorded.kind, recorded.payload, recorded.time)
@@ -144,7 +146,7 @@ def replay(
         again = BagPlayer(resolved, not has_decisions(checks.topics, resolved.topics, resolved.ros.namespace))
         with Steps(console, "messages") as steps:
             total = sum(topic.count for topic in checks.topics.values())
-            replayed = again.run(steps.track("replay", read_bag(path), total))
+            replayed = again.run(steps.track("replay", order.read(path, again.topics), total))
         limit = resolved.mapping.viewpoint_spacing / 2.0 if tolerance is None else tolerance
         comparison = compare(replayed.recorded, replayed.decided, replayed.begin, limit)
     result = summary(checks, replayed, comparison)

@@ -11,9 +11,9 @@ from deploy.recording.storage import Recorded
 
 log = logging.getLogger(__name__)
 
-# Recorders write messages nearly in the order of their arrival. One that lies so far before the one before it, or so
-# far behind it, nanoseconds, tells that the clock was set, or that nothing was recorded for that long.
-_BACK: Final = 1_000_000_000
+BACK: Final = 1_000_000_000
+"""Recorders write messages nearly in the order of their arrival: a clock steps back by more than this, nanoseconds."""
+# After a step forward by more, nanoseconds, the clock was set, or nothing was recorded for that long.
 _FORWARD: Final = 600_000_000_000
 # What is put in the place of a step.
 _BETWEEN: Final = 100_000_000
@@ -31,7 +31,7 @@ def without_clock_steps(messages: Iterable[Recorded], *, say: bool = True) -> It
     """
     shift, last = 0, None
     for recorded in messages:
-        if last is not None and not -_BACK <= recorded.time - last <= _FORWARD:
+        if last is not None and not -BACK <= recorded.time - last <= _FORWARD:
             step = (recorded.time - last) * 1e-9
             if say:
                 log.warning("the clock of the recording steps by %+.1f s, which is left out", step)

@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from common.geometry import Pose, Scan
 from deploy.recording.checks import Checks, histogram
 from deploy.recording.reader import Recorded
+from deploy.ros2 import message
 from deploy.ros2.conversions import laser_scan, occupancy_grid, odometry, point_cloud, transform, transform_message
 from tests.deploy.recording.world import BEGIN, ODOMETRY, SCAN, config, recorded
 
@@ -46,6 +49,23 @@ def test_missing_topics_are_named():
     assert "no message on /scan" in warning
     assert "/odom" in warning
     assert any("no message on /tf" in one for one in look(*good(), settings=config("sensing.pose=tf")).warnings())
+
+
+def test_topics_of_another_name_are_named_by_their_type():
+    """Two robots in one recording, and many topics of no use."""
+    named = [replace(one, topic=f"/robot{number}{one.topic}") for number in (1, 2) for one in good()]
+    others = [
+        recorded(f"/camera{number}", "std_msgs/msg/String", 0.0, message("std_msgs/msg/String")) for number in range(30)
+    ]
+    first, second = look(*named, *others).warnings()
+    assert "LaserScan is there on /robot1/scan, /robot2/scan: --set topics.scan=/robot1/scan" in first
+    assert "Odometry is there on /robot1/odom, /robot2/odom: --set topics.odometry=/robot1/odom" in second
+    (cloud,) = [
+        one
+        for one in look(*good(), *others, settings=config("sensing.source=points", "topics.points=/points")).warnings()
+        if "no message" in one
+    ]
+    assert cloud.endswith("and 20 more")
 
 
 def test_pauses_that_would_stop_the_robot():
