@@ -148,9 +148,10 @@ def relay(
     extra = [f"ros.listen={','.join(listen)}", "ros.connect="] if listen else []
     resolved = load_options(profile, config, overrides, connect, name, extra)
     from common.bus.control import request
+    from deploy.network_config import guest_of
+    from deploy.relay.names import relay_name
     from deploy.relay.process import as_router, run_relay
-    from deploy.relay.relay import relay_name
-    from deploy.ros2.session import guest_of, open_session
+    from deploy.ros2.session import open_session
 
     if status:
         guest = guest_of(resolved.ros)

@@ -74,7 +74,8 @@ def command(
         raise CommandError(f"--who and --why are for `release`, not for {verb!r}")
     from common.bus.control import request
     from common.bus.fleet import Answers, command_all
-    from deploy.ros2.session import guest_of, open_session
+    from deploy.network_config import guest_of
+    from deploy.ros2.session import open_session
 
     resolved = load_options(profile, config, overrides, connect, name)
     where = ", ".join(guest_of(resolved.ros).connect)
@@ -115,9 +116,10 @@ def topics(
     Example: `hd-deploy topics --profile cmu --connect tcp/192.168.1.5:7447`
     """
     from common.bus.control import request
-    from deploy.relay.relay import node_of_relay, relay_name
+    from deploy.network_config import guest_of
+    from deploy.relay.names import node_of_relay, relay_name
     from deploy.ros2.graph import watch
-    from deploy.ros2.session import guest_of, open_session
+    from deploy.ros2.session import open_session
 
     resolved = load_options(profile, config, overrides, connect)
     guest = guest_of(resolved.ros)

@@ -6,8 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from common.bus.endpoint import is_loopback
 from common.config import Section
 from common.config.endpoint import RobotEndpoint
+from common.errors import ConfigError
 from deploy.ros_names import PRIVATE, segments
 
 
@@ -175,3 +177,34 @@ class TopicsConfig(Section):
                 except ValueError as error:
                     raise ValueError(f"{error}, and not {name!r}") from None
         return value
+
+
+def guest_of(config: RosConfig) -> RosConfig:
+    """Return the settings by which others join a network whose router is the process with these settings."""
+    if not config.listen:
+        return config
+    return config.model_copy(update={"listen": (), "connect": (*config.listen, *config.connect)})
+
+
+def router_for_bridge(config: RosConfig, who: str) -> RosConfig:
+    """Return the settings of a process that is the router which a bridge with these settings connects to.
+
+    Where the bridge is the router itself, it joins that.
+
+    Args:
+        config: the bridge's own.
+        who: the process, for the error.
+
+    Raises:
+        ConfigError: the bridge connects to another machine.
+    """
+    if config.listen:
+        return guest_of(config)
+    elsewhere = [endpoint for endpoint in config.connect if not is_loopback(endpoint)]
+    if elsewhere or not config.connect:
+        raise ConfigError(
+            f"{who} is the router of the robot's Zenoh network, and ros.connect names "
+            f"{', '.join(elsewhere) or 'nothing'}: give the endpoint to listen on with --listen, or that of an "
+            "existing router with --connect"
+        )
+    return config.model_copy(update={"listen": config.connect, "connect": ()})

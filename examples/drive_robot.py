@@ -10,9 +10,10 @@ import time
 from pathlib import Path
 
 from common.bus.control import request
+from deploy.network_config import guest_of
 from deploy.profiles import load_deploy_config
 from deploy.robot.deployment import Deployment
-from deploy.ros2.session import guest_of, open_session
+from deploy.ros2.session import open_session
 
 WORLD = "generator:rooms?width=256&height=256&seed=5"
 FAR = 3.0

@@ -17,12 +17,11 @@ from common.page.source import Command, Source
 from common.system.threads import Ticker
 from deploy.bridge.command_text import CommandError
 from deploy.config import DeployConfig
-from deploy.network_config import TopicsConfig
+from deploy.network_config import TopicsConfig, guest_of
 from deploy.page.feed import SILENT_SECONDS, RobotFeed, roles_of
 from deploy.ros2 import Node, RosError
 from deploy.ros2.graph import read_graph
 from deploy.ros2.names import namespace, topic_name
-from deploy.ros2.session import guest_of
 
 log = logging.getLogger(__name__)
 

@@ -11,13 +11,12 @@ from collections.abc import Callable, Sequence
 from fnmatch import fnmatchcase
 
 from common.system.closing import Closing
-from deploy.network_config import RosConfig
+from deploy.network_config import RosConfig, guest_of
 from deploy.recording.errors import RecordingError
 from deploy.recording.writer import BagWriter
 from deploy.ros2 import Node, QoS, Received
 from deploy.ros2.graph import SeenEndpoint, read_graph
 from deploy.ros2.messages import typestore
-from deploy.ros2.session import guest_of
 
 log = logging.getLogger(__name__)
 

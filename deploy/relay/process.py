@@ -7,8 +7,8 @@ import threading
 
 from common.system.signals import stopping_signals
 from deploy.config import DeployConfig
+from deploy.network_config import router_for_bridge
 from deploy.relay.relay import Relay
-from deploy.ros2.session import router_for_bridge
 
 log = logging.getLogger(__name__)
 

@@ -13,10 +13,10 @@ from common.bus.control import ControlServer, request
 from common.errors import BusError
 from common.system.closing import Closing
 from deploy.config import DeployConfig
-from deploy.network_config import RosConfig
 from deploy.relay.dds import DdsNode, domain_of
 from deploy.relay.graph_monitor import GraphMonitor
 from deploy.relay.lanes import Lane, ToBridge, ToRobot
+from deploy.relay.names import node_name, relay_name
 from deploy.relay.routes import Direction, routes_of
 from deploy.relay.standstill import Standstill
 from deploy.ros2 import Node, RosError
@@ -30,7 +30,6 @@ _LOOK: Final = 1.0
 _COUNTERS: Final = 10.0
 DISCOVERY_SECONDS: Final = 3.0
 """DDS nodes find each other at once, or, where the first announcement was lost, within 2.5 s as measured."""
-_SUFFIX: Final = "_relay"
 # A transition may take its time; whoever only asks should not.
 _SERVICE_SECONDS: Final = 3.0
 
@@ -66,7 +65,7 @@ class Relay(Closing):
             self._dds = enter(DdsNode(ros.node, namespace(ros.namespace), domain=domain, distro=ros.distro))
             self._check_alone_in_dds(domain)
             # Absolute names, remapped already.
-            self._node = enter(Node(ros.model_copy(update={"node": f"{ros.node}{_SUFFIX}"})))
+            self._node = enter(Node(ros.model_copy(update={"node": node_name(ros)})))
             self._check_alone_in_zenoh()
             self._to_robot = [
                 ToRobot(route, self._dds, self._node) for route in routes if route.direction is Direction.TO_ROBOT
@@ -202,13 +201,3 @@ class Relay(Closing):
             f"a relay for robot {self._config.name!r} is already running on this Zenoh network: stop it, or give "
             "this one another name with --name or ros.namespace"
         )
-
-
-def relay_name(robot: str) -> str:
-    """Return the name under which the relay of a robot answers on the bus."""
-    return f"{robot[:58]}-relay"
-
-
-def node_of_relay(ros: RosConfig) -> str:
-    """Return the full name of a relay's node in Zenoh."""
-    return f"{namespace(ros.namespace).rstrip('/')}/{ros.node}{_SUFFIX}"

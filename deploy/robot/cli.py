@@ -275,7 +275,7 @@ def robot_config(config: DeployConfig, connect: list[str] | None, listen: list[s
     if connect and listen:
         raise ConfigError("--connect joins a router and --listen is one: give one of the two")
     if not connect and not listen:
-        from deploy.ros2.session import router_for_bridge
+        from deploy.network_config import router_for_bridge
 
         return config.model_copy(update={"ros": router_for_bridge(config.ros, "the simulated robot")})
     from pydantic import ValidationError

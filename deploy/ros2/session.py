@@ -13,7 +13,6 @@ from common.bus.endpoint import is_loopback
 from common.bus.session import reason
 from common.bus.tls import access_settings, tls_settings
 from common.config.endpoint import ROBOT_PROTOCOLS, check_endpoint
-from common.errors import ConfigError
 from common.system.logs import lasting
 from deploy.network_config import RosConfig
 from deploy.ros2.errors import RosError
@@ -67,37 +66,6 @@ def open_session(config: RosConfig, *, wait: bool = True) -> zenoh.Session:
                 waits = lasting(lambda: not joined.is_set())
                 log.warning("waiting for the Zenoh router at %s", ", ".join(config.connect), extra=waits)
             waited = True
-
-
-def guest_of(config: RosConfig) -> RosConfig:
-    """Return the settings by which others join a network whose router is the process with these settings."""
-    if not config.listen:
-        return config
-    return config.model_copy(update={"listen": (), "connect": (*config.listen, *config.connect)})
-
-
-def router_for_bridge(config: RosConfig, who: str) -> RosConfig:
-    """Return the settings of a process that is the router which a bridge with these settings connects to.
-
-    Where the bridge is the router itself, it joins that.
-
-    Args:
-        config: the bridge's own.
-        who: the process, for the error.
-
-    Raises:
-        ConfigError: the bridge connects to another machine.
-    """
-    if config.listen:
-        return guest_of(config)
-    elsewhere = [endpoint for endpoint in config.connect if not is_loopback(endpoint)]
-    if elsewhere or not config.connect:
-        raise ConfigError(
-            f"{who} is the router of the robot's Zenoh network, and ros.connect names "
-            f"{', '.join(elsewhere) or 'nothing'}: give the endpoint to listen on with --listen, or that of an "
-            "existing router with --connect"
-        )
-    return config.model_copy(update={"listen": config.connect, "connect": ()})
 
 
 def _open(config: RosConfig, mode: str, listen: tuple[str, ...], timeout: int) -> zenoh.Session:

@@ -10,7 +10,7 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
 from std_msgs.msg import String
 
-from deploy.ros2.session import guest_of
+from deploy.network_config import guest_of
 from tests.common.bus.processes import eventually
 from tests.common.planners.worlds import ARMS
 from tests.deploy.bridge.robots import FakeRobot, network, running_bridge
