@@ -9,6 +9,7 @@ takes on the host.
 from __future__ import annotations
 
 import argparse
+import itertools
 import time
 from collections.abc import Callable, Sequence
 
@@ -48,10 +49,8 @@ def run(
     precisions = ("fp32", "bf16") if wants_bf16("auto", where) else ("fp32",)
     drawn = real_transitions(size, episodes)
     results: dict[str, float] = {"device_updates/viewpoints": float(drawn.observations.count.mean())}
-    ways = [(label, precision, whole) for label in networks for precision in precisions for whole in (False, True)]
-    for label, precision, whole in ways:
-        if whole and not compiled:
-            continue
+    wholes = (False, True) if compiled else (False,)
+    for label, precision, whole in itertools.product(networks, precisions, wholes):
         for stage, imitation in (("cloning", 1_000_000), ("sac", 0)):
             config = RunConfig.model_validate(
                 {
