@@ -115,11 +115,10 @@ def topics(
 
     Example: `hd-deploy topics --profile cmu --connect tcp/192.168.1.5:7447`
     """
-    from common.bus.control import request
+    from deploy.needs import needs_of
     from deploy.network_config import guest_of
-    from deploy.relay.names import node_of_relay, relay_name
+    from deploy.relay.names import node_of_relay
     from deploy.ros2.graph import watch
-    from deploy.ros2.session import open_session
 
     resolved = load_options(profile, config, overrides, connect)
     guest = guest_of(resolved.ros)
@@ -128,12 +127,7 @@ def topics(
     in_dds: dict[str, list[str]] = {}
     problems: list[str] = []
     if any(node.name == relay for node in graph.nodes):
-        try:
-            with open_session(guest) as session:
-                told = request(session, relay_name(resolved.name), "status", asked="relay")
-            in_dds, problems = told["published_in_dds"], told["problems"]
-        except BusError as error:
-            problems = [f"nothing: {error}"]
+        in_dds, problems = _told_by_relay(resolved)
     console = output_console()
     if not graph.nodes and not graph.endpoints:
         if graph.elsewhere:
@@ -170,18 +164,31 @@ def topics(
     for problem in problems:
         console.print(f"the relay says: {problem}", style="yellow", highlight=False)
     published = {topic for topic, names in kinds_of.items() if names}
-    missing = [need for need in _needed(resolved) if need[1] not in published]
+    missing = [need for need in needs_of(resolved) if need.topic not in published]
     if missing:
-        console.print(
-            f"not published, but needed by the bridge: {', '.join(need[1] for need in missing)}", style="yellow"
-        )
-    for setting, _, kind in missing:
+        listed = ", ".join(need.topic or f"(no topic in topics.{need.name})" for need in missing)
+        console.print(f"not published, but needed by the bridge: {listed}", style="yellow")
+    for need in missing:
         # Another name, or another namespace, is the most frequent reason.
-        others = [topic for topic, names in kinds_of.items() if kind in names]
+        others = [topic for topic, names in kinds_of.items() if need.kind in names]
         if others:
-            console.print(
-                f"{kind} is published on {', '.join(others)}: --set topics.{setting}={others[0]}", style="yellow"
-            )
+            there = f"{need.kind} is published on {', '.join(others)}"
+            console.print(f"{there}: --set topics.{need.name}={others[0]}", style="yellow")
+
+
+def _told_by_relay(config: DeployConfig) -> tuple[dict[str, list[str]], list[str]]:
+    """Return what others publish in DDS, types by topic, and what the relay finds wrong there."""
+    from common.bus.control import request
+    from deploy.network_config import guest_of
+    from deploy.relay.names import relay_name
+    from deploy.ros2.session import open_session
+
+    try:
+        with open_session(guest_of(config.ros)) as session:
+            told = request(session, relay_name(config.name), "status", asked="relay")
+    except BusError as error:
+        return {}, [f"nothing: {error}"]
+    return told["published_in_dds"], told["problems"]
 
 
 def _check_unique(session: zenoh.Session, name: str, patience: float) -> None:
@@ -211,23 +218,6 @@ def _check_complete(answers: Answers, config: DeployConfig, where: str, timeout:
         )
     if wrong:
         raise BusError("; ".join(wrong))
-
-
-def _needed(config: DeployConfig) -> list[tuple[str, str, str]]:
-    """Return setting, topic and type of what the bridge cannot do without."""
-    from deploy.ros2.names import namespace, topic_name
-
-    topics, sensing = config.topics, config.sensing
-    source = {
-        "scan": ("scan", "sensor_msgs/msg/LaserScan"),
-        "points": ("points", "sensor_msgs/msg/PointCloud2"),
-        "grid": ("map", "nav_msgs/msg/OccupancyGrid"),
-    }[sensing.source]
-    pose = ("odometry", "nav_msgs/msg/Odometry") if sensing.pose == "odometry" else ("tf", "tf2_msgs/msg/TFMessage")
-    within = namespace(config.ros.namespace)
-    return [
-        (setting, topic_name(getattr(topics, setting), within, topics.remap), kind) for setting, kind in (source, pose)
-    ]
 
 
 def _show(status: dict[str, object]) -> None:

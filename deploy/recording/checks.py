@@ -13,6 +13,7 @@ import numpy as np
 
 from common.errors import MappingError
 from deploy.config import DeployConfig, SensingConfig
+from deploy.needs import Need, needs_of
 from deploy.recording.reader import Recorded
 from deploy.ros2.conversions import cloud_note, points_from, scan_from, scan_note, transforms_from
 from deploy.ros2.errors import RosError
@@ -25,13 +26,6 @@ _KNOWN_GRID_VALUES = frozenset({-1, 0, 100})
 _SKEW = 1.0
 # Topics that a warning names.
 _NAMED = 12
-_KINDS = {
-    "scan": "sensor_msgs/msg/LaserScan",
-    "points": "sensor_msgs/msg/PointCloud2",
-    "map": "nav_msgs/msg/OccupancyGrid",
-    "odometry": "nav_msgs/msg/Odometry",
-    "tf": "tf2_msgs/msg/TFMessage",
-}
 # Sentences about the messages of one topic, the most frequent ones.
 _SHOWN = 3
 
@@ -155,15 +149,17 @@ class Checks:
     def warnings(self) -> list[str]:
         """Return what a bridge with these parameters would stumble over, one line each."""
         found: list[str] = []
-        sensing, safety, frames = self._config.sensing, self._config.safety, self._config.frames
-        sensor = {"scan": "scan", "points": "points", "grid": "map"}[sensing.source]
-        pose = "odometry" if sensing.pose == "odometry" else "tf"
-        for what, limit in ((sensor, safety.scan_timeout), (pose, safety.pose_timeout)):
-            name = self._name(what)
+        safety, frames = self._config.safety, self._config.frames
+        limits = safety.scan_timeout, safety.pose_timeout
+        for need, limit in zip(needs_of(self._config), limits, strict=True):
+            name = need.topic
             check = self.topics.get(name)
             if check is None:
-                found.append(f"no message on {name}, which the bridge needs (topics.{what}); {self._instead_of(what)}")
-            elif what != "map" and (gap := max(check.gap, self._end - check.last)) > limit:
+                found.append(
+                    f"no message on {name or '(no topic)'}, which the bridge needs (topics.{need.name}); "
+                    f"{self._instead_of(need)}"
+                )
+            elif need.name != "map" and (gap := max(check.gap, self._end - check.last)) > limit:
                 found.append(f"{name} paused for {gap:.2f} s: the robot would be stopped after {limit:g} s")
         for name, check in self.topics.items():
             if check.invalid:
@@ -187,11 +183,11 @@ class Checks:
         topics = self._config.topics
         return topic_name(getattr(topics, what), namespace(self._config.ros.namespace), topics.remap)
 
-    def _instead_of(self, what: str) -> str:
+    def _instead_of(self, need: Need) -> str:
         """Say what the recording holds in the place of a topic that is not there."""
-        alike = [name for name, check in self.topics.items() if check.kind == _KINDS[what]]
+        alike = [name for name, check in self.topics.items() if check.kind == need.kind]
         if alike:
-            return f"{_KINDS[what]} is there on {_some(alike)}: --set topics.{what}={alike[0]}"
+            return f"{need.kind} is there on {_some(alike)}: --set topics.{need.name}={alike[0]}"
         return f"there are {_some(list(self.topics)) or 'no topics at all'}"
 
     def _frame_warnings(self, name: str, check: TopicCheck, map_frame: str) -> list[str]:

@@ -7,6 +7,7 @@ from enum import Enum
 from typing import Final
 
 from deploy.config import DeployConfig
+from deploy.needs import needs_of
 from deploy.ros2 import LATCHED, RELIABLE, SENSOR, STATIC, QoS, RosError
 from deploy.ros2.names import namespace, topic_name
 
@@ -73,21 +74,21 @@ def routes_of(config: DeployConfig) -> list[Route]:
 
 
 def _to_bridge(config: DeployConfig) -> list[Route]:
-    topics, sensing = config.topics, config.sensing
-    by_tf = sensing.pose == "tf"
+    topics = config.topics
+    needed = {need.name for need in needs_of(config)}
     wanted = [
-        ("odometry", "nav_msgs/msg/Odometry", _POSES, not by_tf),
-        ("tf", "tf2_msgs/msg/TFMessage", _TRANSFORMS, by_tf),
-        ("tf_static", "tf2_msgs/msg/TFMessage", STATIC, False),
-        ("scan", "sensor_msgs/msg/LaserScan", SENSOR, sensing.source == "scan"),
-        ("points", "sensor_msgs/msg/PointCloud2", SENSOR if by_tf else RELIABLE, sensing.source == "points"),
-        ("map", "nav_msgs/msg/OccupancyGrid", LATCHED, sensing.source == "grid"),
-        ("command", "std_msgs/msg/String", RELIABLE, False),
-        ("start", "std_msgs/msg/Bool", RELIABLE, False),
-        ("goal", "geometry_msgs/msg/PointStamped", RELIABLE, False),
-        ("goal_pose", "geometry_msgs/msg/PoseStamped", RELIABLE, False),
-        ("emergency_stop", "std_msgs/msg/Bool", QoS(transient_local=True), False),
-        ("joy", "sensor_msgs/msg/Joy", RELIABLE, False),
+        ("odometry", "nav_msgs/msg/Odometry", _POSES),
+        ("tf", "tf2_msgs/msg/TFMessage", _TRANSFORMS),
+        ("tf_static", "tf2_msgs/msg/TFMessage", STATIC),
+        ("scan", "sensor_msgs/msg/LaserScan", SENSOR),
+        ("points", "sensor_msgs/msg/PointCloud2", SENSOR if config.sensing.pose == "tf" else RELIABLE),
+        ("map", "nav_msgs/msg/OccupancyGrid", LATCHED),
+        ("command", "std_msgs/msg/String", RELIABLE),
+        ("start", "std_msgs/msg/Bool", RELIABLE),
+        ("goal", "geometry_msgs/msg/PointStamped", RELIABLE),
+        ("goal_pose", "geometry_msgs/msg/PoseStamped", RELIABLE),
+        ("emergency_stop", "std_msgs/msg/Bool", QoS(transient_local=True)),
+        ("joy", "sensor_msgs/msg/Joy", RELIABLE),
     ]
     return [
         Route(
@@ -95,12 +96,12 @@ def _to_bridge(config: DeployConfig) -> list[Route]:
             kind,
             Direction.TO_BRIDGE,
             qos,
-            needed,
+            name in needed,
             # Nobody presses a button again because the first press was not heard.
             any_durability=name == "emergency_stop",
             setting=f"topics.{name}",
         )
-        for name, kind, qos, needed in wanted
+        for name, kind, qos in wanted
         if getattr(topics, name)
     ]
 
