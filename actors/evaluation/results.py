@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import gzip
 import os
-import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, Protocol, TypeVar
+from typing import Annotated, Any, Literal, Protocol, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from actors.evaluation.packing import SUFFIXES, pack, unpack
 from common.config.section import Length
 from common.errors import HDError
 from common.ids import ID_PATTERN
@@ -23,9 +22,6 @@ from common.system.text_files import decode_text
 
 # Coordinates and distances are rounded to so many places: far below a cell, and files stay small.
 PLACES = 4
-# A packed file may unpack to so many bytes: ten times what a hundred episodes in large worlds take.
-LARGEST = 1 << 28
-_GZIP = b"\x1f\x8b"
 
 Distance = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Coordinate = Annotated[float, Field(allow_inf_nan=False)]
@@ -113,6 +109,15 @@ class Results(Record):
         return self
 
 
+class _Head(Record):
+    """What tells results files of one protocol from those of another."""
+
+    kind: str = ""
+    planner: Name
+    metres_per_pixel: Length
+    episodes: list[dict[str, Any]]
+
+
 class AnyResults(Protocol):
     """What the results files of all protocols have in common."""
 
@@ -174,8 +179,16 @@ def read_record(path: Path, kind: type[R], command: str) -> R:
         data = path.read_bytes()
         if instead := stand_in(data):
             raise ValueError(f"it {instead}")
-        # By content: browsers unpack files and leave their names as they were.
-        return kind.model_validate_json(decode_text(_unpacked(data) if data.startswith(_GZIP) else data))
+        text = decode_text(unpack(data))
+        try:
+            return kind.model_validate_json(text)
+        except ValidationError:
+            made_by, shown_by = _maker(text)
+            if made_by in (None, command):
+                raise
+            raise ResultsError(
+                f"expected results of '{command}', got those of '{made_by}' in {path}: take {shown_by} for them"
+            ) from None
     except OSError as error:
         raise ResultsError(f"cannot read {path} ({error.strerror}): name a results file of '{command}'") from error
     except ValidationError as error:
@@ -188,6 +201,17 @@ def read_record(path: Path, kind: type[R], command: str) -> R:
         raise ResultsError(f"{path} is no results file of '{command}': {error}") from error
 
 
+def _maker(text: str) -> tuple[str | None, str]:
+    """Return the command that made a results file, None when it is none, and the commands that show such files."""
+    try:
+        head = _Head.model_validate_json(text)
+    except ValidationError:
+        return None, ""
+    if head.kind == "large":
+        return "hd-eval large", "'hd-eval large-table', 'large-plot' or 'large-recount'"
+    return "hd-eval run", "'hd-eval table', 'plot' or 'replay'"
+
+
 def write_packed(path: Path, place: Path) -> None:
     """Write a results file once more, packed for keeping: equal results give equal bytes.
 
@@ -196,27 +220,9 @@ def write_packed(path: Path, place: Path) -> None:
     """
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
-        place.write_bytes(gzip.compress(path.read_bytes(), mtime=0))
+        place.write_bytes(pack(path.read_bytes()))
     except OSError as error:
         raise ResultsError(f"cannot pack {path} into {place} ({error.strerror}): check both") from error
-
-
-def _unpacked(data: bytes) -> bytes:
-    """Return what gzip packed; ValueError where that is damaged, or would be larger than `LARGEST`."""
-    found = b""
-    # Such files may be joined, and so do tools that pack in parallel.
-    while data.startswith(_GZIP):
-        unpacking = zlib.decompressobj(wbits=16 + zlib.MAX_WBITS)
-        try:
-            found += unpacking.decompress(data, LARGEST - len(found))
-        except zlib.error as error:
-            raise ValueError(f"it is no whole gzip file ({error})") from None
-        if not unpacking.eof:
-            raise ValueError(f"it is cut off, or unpacks to more than {LARGEST >> 20} MiB")
-        data = unpacking.unused_data
-        if data and len(found) >= LARGEST:
-            raise ValueError(f"it unpacks to more than {LARGEST >> 20} MiB")
-    return found
 
 
 def collect_results(places: Sequence[str | Path]) -> list[Results]:
@@ -234,10 +240,10 @@ def collect(places: Sequence[str | Path], read: Callable[[Path], A], command: st
     """Read results of some kind, which a command makes. See `collect_results`."""
     files: list[Path] = []
     try:
-        with fetched(places, (".json", ".json.gz")) as local:
+        with fetched(places, (".json", *SUFFIXES)) as local:
             for place in local:
                 # Hidden ones are notes of a file system, such as the ._NAME of a stick that was in a Mac.
-                named = (*place.glob("[!.]*.json"), *place.glob("[!.]*.json.gz"))
+                named = [file for suffix in (".json", *SUFFIXES) for file in place.glob(f"[!.]*{suffix}")]
                 files += sorted(named) if exists(place) and place.is_dir() else [place]
             found = [read(file) for file in files]
     except FileNotFoundError as error:

@@ -38,21 +38,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     failed = 0
     try:
         make_scenes(folders.maps, folders.work / "scenes")
+        planned = [
+            (training, places)
+            for training, chosen in work()
+            if (places := [place for place in chosen if place.table.name in options.tables])
+            and (training is None or options.train)
+        ]
+        left = [(training, places) for training, places in planned if not folders.done(training, places)]
+        done = len(planned) - len(left)
+        if done:
+            _say(console, f"{done} of {len(planned)} were done before")
+            write_page(folders)
         with stopping_signals(steps.stop, steps.stopped.is_set), ThreadPoolExecutor(options.jobs) as pool:
-            chains = [
-                pool.submit(_do, steps, training, places)
-                for training, chosen in work()
-                if (places := [place for place in chosen if place.table.name in options.tables])
-                and (training is None or options.train)
-            ]
-            for number, chain in enumerate(as_completed(chains), 1):
+            chains = [pool.submit(_do, steps, training, places) for training, places in left]
+            for number, chain in enumerate(as_completed(chains), done + 1):
                 try:
                     names = chain.result()
                 except HDError as error:
                     failed += 1
                     _say(console, str(error))
                     continue
-                _say(console, f"{number} of {len(chains)}: {names}")
+                _say(console, f"{number} of {len(planned)}: {names}")
                 write_page(folders)
     except HDError as error:
         _say(console, str(error))

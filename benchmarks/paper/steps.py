@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
+from actors.evaluation.packing import SUFFIXES
 from actors.evaluation.results import write_packed
 from benchmarks.paper.plan import MAPS, SCENES, UPDATES, Place, Row, Table, Training
 from common.errors import HDError
@@ -66,7 +67,13 @@ class Folders:
 
     def packed(self, table: Table, row: Row) -> Path:
         """Return where the results of a row are kept."""
-        return self.release / table.name / (f"{row.label}.json" if table.kind == "demo" else f"{row.label}.json.gz")
+        suffix = ".json" if table.kind == "demo" else SUFFIXES[0]
+        return self.release / table.name / f"{row.label}{suffix}"
+
+    def done(self, training: tuple[Training, int] | None, places: Sequence[Place]) -> bool:
+        """Return whether the policy of a training, if one is needed, and the results of rows are kept."""
+        trained = training is None or self.policy(training[0].name, training[1]).exists()
+        return trained and all(self.packed(place.table, place.row).exists() for place in places)
 
     def updates(self, training: str, seed: int) -> int:
         """Return how many updates a training has made, 0 before it began."""

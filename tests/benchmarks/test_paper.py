@@ -1,7 +1,6 @@
 """The paper's tables: what is claimed is judged from results, and a page says what is there and what is not."""
 
 import dataclasses
-import gzip
 import re
 import shutil
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from actors.evaluation.packing import unpack
 from actors.evaluation.results import EpisodeResult, Results, write_packed, write_results
 from actors.maps.clear_space import clear_space
 from actors.maps.connectivity import reachable
@@ -95,7 +95,9 @@ def test_a_row_is_run_once_and_a_failure_is_named(tmp_path, monkeypatch):
     table = dataclasses.replace(TABLES[0], options=options, rows=(Row("mine", "greedy"),))
     steps = Steps(here)
     place = Place(table, table.rows[0])
+    assert not here.done(None, [place])
     steps.evaluate(place)
+    assert here.done(None, [place]) and not here.done((TRAININGS[0], 1), [place])
     packed = here.packed(table, place.row)
     before, spent = packed.read_bytes(), read_costs(here)
     assert spent["exploration-mine"].core_hours > 0.0
@@ -109,10 +111,10 @@ def test_a_row_is_run_once_and_a_failure_is_named(tmp_path, monkeypatch):
 
 
 def test_what_is_kept_names_no_folder_of_the_machine_that_made_it():
-    kept = [*RELEASE.rglob("*.json.gz"), *RELEASE.rglob("*.json")]
+    kept = [*RELEASE.rglob("*.json.xz"), *RELEASE.rglob("*.json")]
     assert kept
     for path in kept:
-        data = gzip.decompress(path.read_bytes()) if path.suffix == ".gz" else path.read_bytes()
+        data = unpack(path.read_bytes())
         assert not re.search(rb'"(?:/|[A-Z]:)[^"]*"', data), path
 
 

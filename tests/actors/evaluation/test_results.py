@@ -1,10 +1,11 @@
 import gzip
 import json
+import lzma
 
 import pytest
 
+from actors.evaluation.packing import LARGEST
 from actors.evaluation.results import (
-    LARGEST,
     ResultsError,
     collect_results,
     read_results,
@@ -62,23 +63,33 @@ def test_a_map_that_stands_twice_is_refused(tmp_path):
         read_results(path)
 
 
-def test_packed_results_are_read_like_others_and_damage_is_named(tmp_path):
+@pytest.mark.parametrize("name", ["gzip", "xz"])
+def test_packed_results_are_read_like_others_and_damage_is_named(tmp_path, name):
     write_results(tmp_path / "a.json", results("a"))
-    write_packed(tmp_path / "a.json", tmp_path / "kept" / "a.json.gz")
-    (packed,) = tmp_path.glob("kept/*")
-    assert collect_results([tmp_path / "kept"]) == [results("a")]
+    packed = tmp_path / "kept" / "a.json.xz"
+    write_packed(tmp_path / "a.json", packed)
     whole = packed.read_bytes()
     write_packed(tmp_path / "a.json", packed)
     assert packed.read_bytes() == whole
+    compress = gzip.compress if name == "gzip" else lzma.compress
+    whole = compress((tmp_path / "a.json").read_bytes())
+    packed.write_bytes(whole)
+    assert collect_results([tmp_path / "kept"]) == [results("a")]
     for damaged, word in (
         (whole[:-9], "cut off"),
-        (whole[:20] + b"\xff" + whole[21:], "no whole gzip file|cut off"),
+        (whole[:20] + b"\xff\xfe\xfd" + whole[23:], f"no whole {name} file|cut off"),
         (b"version https://git-lfs.github.com/spec/v1\n", "it is a pointer of Git LFS"),
-        (gzip.compress(bytes(LARGEST + 1), 1), "more than 256 MiB"),
+        (compress(bytes(LARGEST + 1), 1) if name == "gzip" else _many_zeros(), "more than 256 MiB"),
     ):
         packed.write_bytes(damaged)
         with pytest.raises(ResultsError, match=word):
             collect_results([packed])
+
+
+def _many_zeros() -> bytes:
+    """Return what unpacks to more than the largest file, joined, because xz takes seconds for it."""
+    part = lzma.compress(bytes(1 << 24), preset=0)
+    return part * (LARGEST // (1 << 24) + 1)
 
 
 def test_results_are_unpacked_by_their_content(tmp_path):
@@ -89,6 +100,8 @@ def test_results_are_unpacked_by_their_content(tmp_path):
         ("unpacked.json.gz", plain),
         ("packed.json", gzip.compress(plain)),
         ("joined.json.gz", gzip.compress(plain[:50]) + gzip.compress(plain[50:])),
+        ("other.json.gz", lzma.compress(plain)),
+        ("parts.json.xz", lzma.compress(plain[:50]) + lzma.compress(plain[50:])),
     ):
         (tmp_path / name).write_bytes(data)
         assert read_results(tmp_path / name) == results("a")
