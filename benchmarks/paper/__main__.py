@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed, wait
 from pathlib import Path
 from typing import Final
 
@@ -51,6 +51,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             write_page(folders)
         with stopping_signals(steps.stop, steps.stopped.is_set), ThreadPoolExecutor(options.jobs) as pool:
             chains = [pool.submit(_do, steps, training, places) for training, places in left]
+            # Curves come last, because tables matter more where time is short.
+            under_way = {each[0]: chain for each, chain in zip(left, chains, strict=True)}
+            trainings = [training for training, _ in planned if training is not None]
+            chains += [pool.submit(_draw, steps, each, under_way.get(each)) for each in trainings]
             for number, chain in enumerate(as_completed(chains), done + 1):
                 try:
                     names = chain.result()
@@ -58,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                     failed += 1
                     _say(console, str(error))
                     continue
-                _say(console, f"{number} of {len(planned)}: {names}")
+                _say(console, f"{number} of {done + len(chains)}: {names}")
                 write_page(folders)
     except HDError as error:
         _say(console, str(error))
@@ -73,6 +77,14 @@ def _do(steps: Steps, training: tuple[Training, int] | None, places: Sequence[Pl
     for place in places:
         steps.evaluate(place)
     return ", ".join(f"{place.table.name}/{place.row.label}" for place in places)
+
+
+def _draw(steps: Steps, training: tuple[Training, int], under_way: Future[str] | None) -> str:
+    """Draw the learning curve of a training, once that is no longer under way; return what was done."""
+    if under_way is not None:
+        wait([under_way])
+    steps.draw_curve(*training)
+    return f"the curve of {training[0].name}-{training[1]}"
 
 
 def _say(console: Console, line: str) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from actors.evaluation.results import Results
 from actors.evaluation.statistics import Summary, compare, summarise
 from benchmarks.paper.plan import SEEDS
+from benchmarks.paper.seeds import mean_of_seeds, same_planner, seeds_done
 
 Found = Mapping[str, Sequence[Results]]
 """The results of each table, those of all its rows that are done."""
@@ -57,7 +58,7 @@ def drives(table: str, planner: str, baseline: str, published: float) -> Callabl
     """
 
     def judge(found: Found) -> Verdict:
-        here, there = (_mean_of_seeds(found.get(table, ()), label) for label in (planner, baseline))
+        here, there = (mean_of_seeds(found.get(table, ()), label) for label in (planner, baseline))
         missing = [label for label, results in ((planner, here), (baseline, there)) if results is None]
         if here is None or there is None:
             return Verdict("", f"not finished: {' and '.join(missing)}")
@@ -68,7 +69,7 @@ def drives(table: str, planner: str, baseline: str, published: float) -> Callabl
         else:
             words = "holds" if (against.ratio < 1.0) == (published < 1.0) else "does not hold"
         # Of two that are trained the one with fewer seeds decides how much the ratio says.
-        done = [seeds for label in (planner, baseline) if (seeds := _seeds_done(found.get(table, ()), label))]
+        done = [seeds for label in (planner, baseline) if (seeds := seeds_done(found.get(table, ()), label))]
         fewest = min(done, default=len(SEEDS))
         return Verdict(figure, words + (f" ({fewest} of {len(SEEDS)} seeds)" if fewest < len(SEEDS) else ""))
 
@@ -107,7 +108,7 @@ def _figure(
     """Return the judge of one figure of a planner, the mean over the seeds that are done."""
 
     def judge(found: Found) -> Verdict:
-        same = _same(found.get(table, ()), planner)
+        same = same_planner(found.get(table, ()), planner)
         if not same:
             return Verdict("", f"not finished: {planner}")
         figure = float(np.mean([measure(summarise(results)) for results in same]))
@@ -151,6 +152,12 @@ CLAIMS: Final = (
         "the contrastive loss helps: HDPlanner drives less than hierarchical",
         "0.952",
         drives("exploration", "hdplanner", "hierarchical", 0.952),
+    ),
+    Claim(
+        "exploration, ablation",
+        "both together: HDPlanner drives less than vanilla",
+        "0.920",
+        drives("exploration", "hdplanner", "vanilla", 0.920),
     ),
     *(
         Claim(
@@ -216,27 +223,3 @@ CLAIMS: Final = (
         beyond("no robot here; the simulated one drives over the same bus (tables below)"),
     ),
 )
-
-
-def _mean_of_seeds(found: Sequence[Results], label: str) -> Results | None:
-    """Return the results of a label, with the mean distance of its seeds on each map; None without any."""
-    same = _same(found, label)
-    if len(same) < 2:
-        return same[0] if same else None
-    distances = [{episode.map: episode.distance_m for episode in results.episodes} for results in same]
-    episodes = [
-        episode.model_copy(update={"distance_m": float(np.mean([each[episode.map] for each in distances]))})
-        for episode in same[0].episodes
-        if all(episode.map in each for each in distances)
-    ]
-    return same[0].model_copy(update={"planner": label, "episodes": episodes})
-
-
-def _same(found: Sequence[Results], label: str) -> list[Results]:
-    """Return the results of a label, or those of all its seeds that are done."""
-    named = [results for results in found if results.planner == label]
-    return named or [results for results in found if results.planner in {f"{label}-{seed}" for seed in SEEDS}]
-
-
-def _seeds_done(found: Sequence[Results], label: str) -> int:
-    return sum(results.planner in {f"{label}-{seed}" for seed in SEEDS} for results in found)

@@ -12,7 +12,9 @@ from actors.evaluation.large.results import LargeResults, read_large_results
 from actors.evaluation.results import Results, read_results
 from actors.evaluation.table import number, render
 from benchmarks.blocks import with_block
+from benchmarks.paper.ablation import ablation
 from benchmarks.paper.claims import CLAIMS, Found
+from benchmarks.paper.curves import AT, curves
 from benchmarks.paper.plan import SEEDS, TABLES, TRAININGS, UPDATES, Row, Table
 from benchmarks.paper.steps import Folders, read_costs
 from benchmarks.planners import table_of
@@ -39,6 +41,8 @@ def write_page(folders: Folders, page: Path = PAGE) -> None:
         )
     text = page.read_text("utf-8")
     text = with_block(text, _begin("claims"), _claims(plain))
+    text = with_block(text, _begin("ablation"), ablation(plain))
+    text = with_block(text, _begin("curves"), _curves(folders))
     text = with_block(text, _begin("tables"), "\n\n".join(parts))
     text = with_block(text, _begin("trainings"), _trainings(folders))
     page.write_text(text, "utf-8")
@@ -91,6 +95,16 @@ def _claims(found: Found) -> str:
         verdict = claim.judge(found)
         rows.append([claim.where, claim.statement, claim.published, verdict.figure or "-", verdict.words])
     return render(["about", "claim", "paper", "here", "verdict"], rows, "markdown").strip()
+
+
+def _curves(folders: Folders) -> str:
+    kept = {}
+    for training in TRAININGS:
+        for seed in SEEDS:
+            files = [folders.point(training.name, seed, at) for at in AT]
+            if all(file.exists() for file in files):
+                kept[f"{training.name}-{seed}"] = [read_results(file) for file in files]
+    return curves(kept)
 
 
 def _trainings(folders: Folders) -> str:

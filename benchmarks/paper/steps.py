@@ -15,6 +15,7 @@ from typing import Final
 
 from actors.evaluation.packing import SUFFIXES
 from actors.evaluation.results import write_packed
+from benchmarks.paper import curves
 from benchmarks.paper.plan import MAPS, SCENES, UPDATES, Place, Row, Table, Training
 from common.errors import HDError
 from common.system.documents import read_json
@@ -61,6 +62,10 @@ class Folders:
         """Return where the policy of a training is kept."""
         return self.release / "policies" / f"{training}-{seed}.safetensors"
 
+    def point(self, training: str, seed: int, updates: int) -> Path:
+        """Return where a point of the learning curve of a training is kept."""
+        return self.release / "curves" / f"{training}-{seed}" / f"{curves.label(updates)}{SUFFIXES[0]}"
+
     def run(self, training: str, seed: int) -> Path:
         """Return the folder of a training's run."""
         return self.work / "runs" / f"{training}-{seed}"
@@ -74,6 +79,13 @@ class Folders:
         """Return whether the policy of a training, if one is needed, and the results of rows are kept."""
         trained = training is None or self.policy(training[0].name, training[1]).exists()
         return trained and all(self.packed(place.table, place.row).exists() for place in places)
+
+    def points_left(self, training: Training, seed: int) -> list[int]:
+        """Return which points of a learning curve can be made: none without a policy, or where the run is gone."""
+        run = self.run(training.name, seed)
+        if not self.policy(training.name, seed).exists() or curves.nearest_checkpoint(run, UPDATES) is None:
+            return []
+        return [at for at in curves.AT if not self.point(training.name, seed, at).exists()]
 
     def updates(self, training: str, seed: int) -> int:
         """Return how many updates a training has made, 0 before it began."""
@@ -139,6 +151,26 @@ class Steps:
             raise StepError(f"the training {run.name} ended early: see {self._log(run.name)}")
         policy.parent.mkdir(parents=True, exist_ok=True)
         self._carry_out(["learner", "export", *place, "--which", "last", "--out", str(policy)], run.name)
+
+    def draw_curve(self, training: Training, seed: int) -> None:
+        """Drive the checkpoints of a training, or continue; nothing to do where that is kept, or the run is gone.
+
+        Raises:
+            StepError: it failed, or was stopped.
+        """
+        folders = self._folders
+        run = folders.run(training.name, seed)
+        out = folders.work / "curves" / run.name
+        for at in folders.points_left(training, seed):
+            checkpoint = curves.nearest_checkpoint(run, at) or "last"
+            policy = out / f"{checkpoint}.safetensors"
+            out.mkdir(parents=True, exist_ok=True)
+            export = ["learner", "export", "--runs", str(run.parent), "--run", run.name]
+            self._carry_out([*export, "--which", checkpoint, "--out", str(policy)], f"curve-{run.name}")
+            drive = ["actors.evaluation", "run", "--planner", "hdplanner", "--policy", str(policy), "--jobs", "1"]
+            where = ["--label", curves.label(at), "--out", str(out), *folders.filled(curves.options(training.task))]
+            self._carry_out([*drive, *where], f"curve-{run.name}")
+            write_packed(out / f"{curves.label(at)}.json", folders.point(training.name, seed, at))
 
     def evaluate(self, place: Place) -> None:
         """Run a row of a table, or continue, and keep its results; nothing to do when they are kept already.
