@@ -7,67 +7,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from common.planners.navigation.graph_change import changed_vertices, match_places
 from common.planners.navigation.graph_search import NO_WAY, GoalGraph, straight_length
+from common.planners.navigation.indexed_heap import less, remove, settle
 from common.system.jit import njit
 
 # Places in the array of scalars that the kernels share: entries of the queue, key modifier, expansions so far.
 _SIZE: Final = 0
 _MODIFIER: Final = 1
 _EXPANDED: Final = 2
-
-
-@njit(cache=True, nogil=True)
-def _less(a: NDArray[np.int64], b: NDArray[np.int64]) -> bool:
-    return a[0] < b[0] or (a[0] == b[0] and a[1] < b[1])
-
-
-@njit(cache=True, nogil=True)
-def _put(keys: NDArray[np.int64], nodes: NDArray[np.int32], where: NDArray[np.int32], place: int, from_: int) -> None:
-    keys[place, 0], keys[place, 1] = keys[from_, 0], keys[from_, 1]
-    nodes[place] = nodes[from_]
-    where[nodes[place]] = place
-
-
-@njit(cache=True, nogil=True)
-def _settle(
-    keys: NDArray[np.int64],
-    nodes: NDArray[np.int32],
-    where: NDArray[np.int32],
-    size: int,
-    place: int,
-    key: NDArray[np.int64],
-    node: int,
-) -> None:
-    """Put an entry into the heap of `size` entries whose place `place` is void."""
-    while place and _less(key, keys[(place - 1) >> 1]):
-        _put(keys, nodes, where, place, (place - 1) >> 1)
-        place = (place - 1) >> 1
-    while True:
-        child = 2 * place + 1
-        if child >= size:
-            break
-        if child + 1 < size and _less(keys[child + 1], keys[child]):
-            child += 1
-        if not _less(keys[child], key):
-            break
-        _put(keys, nodes, where, place, child)
-        place = child
-    keys[place, 0], keys[place, 1] = key[0], key[1]
-    nodes[place] = node
-    where[node] = place
-
-
-@njit(cache=True, nogil=True)
-def _remove(
-    keys: NDArray[np.int64], nodes: NDArray[np.int32], where: NDArray[np.int32], scalars: NDArray[np.int64], node: int
-) -> None:
-    place = where[node]
-    where[node] = -1
-    scalars[_SIZE] -= 1
-    last = scalars[_SIZE]
-    if place != last:
-        key = np.array([keys[last, 0], keys[last, 1]])
-        _settle(keys, nodes, where, last, np.int64(place), key, nodes[last])
 
 
 @njit(cache=True, nogil=True)
@@ -102,14 +50,14 @@ def _update_vertex(
     """UpdateVertex(u): an inconsistent vertex belongs into the queue with its key of today, no other does."""
     if cost[node, 0] == cost[node, 1]:
         if where[node] >= 0:
-            _remove(keys, nodes, where, scalars, node)
+            scalars[_SIZE] = remove(keys, nodes, where, scalars[_SIZE], node)
         return
     _key(key, cost, scalars[_MODIFIER], x, y, start, node)
     place = np.int64(where[node])
     if place < 0:
         place = scalars[_SIZE]
         scalars[_SIZE] += 1
-    _settle(keys, nodes, where, scalars[_SIZE], place, key, node)
+    settle(keys, nodes, where, scalars[_SIZE], place, key, node)
 
 
 @njit(cache=True, nogil=True)
@@ -151,19 +99,19 @@ def _search(
     start_key = np.empty(2, dtype=np.int64)
     while scalars[_SIZE]:
         _key(start_key, cost, scalars[_MODIFIER], x, y, start, np.int32(start))
-        if not (_less(keys[0], start_key) or cost[start, 1] > cost[start, 0]):
+        if not (less(keys[0], start_key) or cost[start, 1] > cost[start, 0]):
             break
         u = nodes[0]
         _key(key, cost, scalars[_MODIFIER], x, y, start, u)
-        if _less(keys[0], key):
-            _settle(keys, nodes, where, scalars[_SIZE], 0, key, u)
+        if less(keys[0], key):
+            settle(keys, nodes, where, scalars[_SIZE], 0, key, u)
             continue
         scalars[_EXPANDED] += 1
         old = cost[u, 0]
         lowered = old > cost[u, 1]
         if lowered:
             cost[u, 0] = cost[u, 1]
-            _remove(keys, nodes, where, scalars, u)
+            scalars[_SIZE] = remove(keys, nodes, where, scalars[_SIZE], u)
         else:
             cost[u, 0] = NO_WAY
             _update_vertex(key, cost, keys, nodes, where, scalars, x, y, start, u)
@@ -178,21 +126,6 @@ def _search(
             else:
                 continue
             _update_vertex(key, cost, keys, nodes, where, scalars, x, y, start, s)
-
-
-@njit(cache=True, nogil=True)
-def _match(
-    old_x: NDArray[np.int64], old_y: NDArray[np.int64], x: NDArray[np.int64], y: NDArray[np.int64]
-) -> NDArray[np.int32]:
-    """Return the new number of each old place, -1 for those that are no more."""
-    new_of = np.full(len(old_x), -1, dtype=np.int32)
-    new = 0
-    for old in range(len(old_x)):
-        while new < len(x) and (y[new] < old_y[old] or (y[new] == old_y[old] and x[new] < old_x[old])):
-            new += 1
-        if new < len(x) and x[new] == old_x[old] and y[new] == old_y[old]:
-            new_of[old] = new
-    return new_of
 
 
 @njit(cache=True, nogil=True)
@@ -216,42 +149,10 @@ def _renumber(
     for place in range(scalars[_SIZE]):
         node = new_of[old_nodes[place]]
         if node >= 0:
-            _settle(keys, nodes, where, size + 1, size, old_keys[place], node)
+            settle(keys, nodes, where, size + 1, size, old_keys[place], node)
             size += 1
     scalars[_SIZE] = size
     return cost, keys, nodes, where
-
-
-@njit(cache=True, nogil=True)
-def _changed(
-    new_of: NDArray[np.int32],
-    old_pointer: NDArray[np.int64],
-    old_neighbours: NDArray[np.int32],
-    old_costs: NDArray[np.int64],
-    old_goal_costs: NDArray[np.int64],
-    pointer: NDArray[np.int64],
-    neighbours: NDArray[np.int32],
-    costs: NDArray[np.int64],
-    goal_costs: NDArray[np.int64],
-) -> NDArray[np.bool_]:
-    """Return which vertices are new, or have other edges or another last leg than before."""
-    changed = np.ones(len(pointer) - 1, dtype=np.bool_)
-    for old in range(len(new_of)):
-        node = new_of[old]
-        if node < 0:
-            continue
-        begin, old_begin = pointer[node], old_pointer[old]
-        count = pointer[node + 1] - begin
-        same = count == old_pointer[old + 1] - old_begin and goal_costs[node] == old_goal_costs[old]
-        k = 0
-        while same and k < count:
-            same = (
-                new_of[old_neighbours[old_begin + k]] == neighbours[begin + k]
-                and old_costs[old_begin + k] == costs[begin + k]
-            )
-            k += 1
-        changed[node] = not same
-    return changed
 
 
 @njit(cache=True, nogil=True)
@@ -332,12 +233,12 @@ class IncrementalSearch:
             self._scalars[_MODIFIER] += straight_length(
                 int(graph.x[start] - old.x[self._start]), int(graph.y[start] - old.y[self._start])
             )
-        new_of = _match(old.x, old.y, graph.x, graph.y)
+        new_of = match_places(old.x, old.y, graph.x, graph.y)
         if len(old.x) != len(graph.x) or (new_of < 0).any():
             self._cost, self._keys, self._nodes, self._where = _renumber(
                 new_of, len(graph.x), self._cost, self._keys, self._nodes, self._scalars
             )
-        changed = _changed(
+        changed = changed_vertices(
             new_of, old.pointer, old.neighbours, old.costs, old.goal_costs, graph.pointer, graph.neighbours,
             graph.costs, graph.goal_costs,
         )  # fmt: skip
