@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from common.config import RunConfig
-from common.errors import CheckpointError
 from common.network.factory import make_policy_network
 from common.network.graph_batch import GraphBatch
 from common.network.policy_network import PolicyOutput
@@ -29,6 +27,8 @@ from learner.algorithm.cloning import Guidance, cloning_loss
 from learner.algorithm.compiled import compile_layers
 from learner.algorithm.contrastive import contrastive_loss
 from learner.algorithm.device import wants_bf16
+from learner.algorithm.finiteness import not_finite, rows_not_finite
+from learner.algorithm.learner_state import copy_state, load_state
 from learner.algorithm.losses import entropies
 from learner.algorithm.optimisers import Optimiser, blend, scheduled_rate
 from learner.algorithm.sample import Sample, make_graphs
@@ -171,16 +171,7 @@ class PolicyLearner(ABC):
 
     def state(self) -> tuple[dict[str, Tensor], dict[str, Any]]:
         """Return everything that exact resumption needs: named tensors, and values that JSON can hold."""
-        tensors: dict[str, Tensor] = {}
-        for module, values in self._modules().items():
-            for name, value in values.state_dict().items():
-                tensors[f"{module}/{name}"] = value.detach().cpu().clone().contiguous()
-        moments: dict[str, int] = {}
-        for optimiser, adam in self._optimisers.items():
-            held = adam.state()
-            moments[optimiser] = len(held)
-            tensors.update({f"optimiser.{optimiser}/{name}": value for name, value in held.items()})
-        return tensors, {"updates": self.updates, "random": self._rng.bit_generator.state, "moments": moments}
+        return copy_state(self._modules(), self._optimisers, self.updates, self._rng)
 
     def restore(self, tensors: dict[str, Tensor], values: dict[str, Any]) -> None:
         """Continue from a `state`.
@@ -189,25 +180,7 @@ class PolicyLearner(ABC):
             CheckpointError: the state lacks something, as that of another algorithm does.
             WeightsError: a weight does not fit this configuration; the error names it.
         """
-        groups: dict[str, dict[str, Tensor]] = {}
-        for full_name, value in tensors.items():
-            group, _, name = full_name.partition("/")
-            groups.setdefault(group, {})[name] = value
-        missing = (set(self._modules()) - set(groups)) | ({"updates", "random", "moments"} - set(values))
-        for optimiser, count in values.get("moments", {}).items():
-            if len(groups.get(f"optimiser.{optimiser}", {})) != count:
-                missing.add(f"optimiser.{optimiser}")
-        if missing:
-            raise CheckpointError(
-                f"the learner's state lacks all or part of {sorted(missing)}: use an older checkpoint, and the "
-                "algorithm of the run"
-            )
-        for module, held in self._modules().items():
-            load_arrays(held, {name: value.numpy() for name, value in groups[module].items()})
-        for optimiser, adam in self._optimisers.items():
-            adam.restore(groups.get(f"optimiser.{optimiser}", {}))
-        self.updates = int(values["updates"])
-        self._rng.bit_generator.state = values["random"]
+        self.updates = load_state(self._modules(), self._optimisers, self._rng, tensors, values)
 
     # --- parts for subclasses ------------------------------------------------------------------------------------
 
@@ -286,23 +259,17 @@ class PolicyLearner(ABC):
             buffer.copy_(before)
 
     def culprits(self, batch: TransitionBatch) -> NDArray[np.int64]:
-        """Return the rows that are not finite by themselves, found by halving; none when most of them are."""
-        most = max(len(batch) // 2, 1)
+        """Return the rows that are not finite by themselves, none when most of them are; nothing changes."""
         random, buffers = self._rng.bit_generator.state, self._buffers()
-        found: list[int] = []
-        waiting = np.array_split(np.arange(len(batch)), 2) if len(batch) > 1 else [np.arange(1)]
-        while waiting and len(found) <= most:
-            rows = waiting.pop()
-            chosen = np.zeros(len(batch), dtype=np.bool_)
-            chosen[rows] = True
-            sound = not not_finite(self._figures(batch.select(chosen)))
+
+        def is_finite(chosen: NDArray[np.bool_]) -> bool:
+            figures = self._figures(batch.select(chosen))
             self._give_up(buffers)
-            if not sound and len(rows) > 1:
-                waiting += np.array_split(rows, 2)
-            elif not sound:
-                found.append(int(rows[0]))
+            return not not_finite(figures)
+
+        found = rows_not_finite(len(batch), is_finite)
         self._rng.bit_generator.state = random
-        return np.array(sorted(found) if len(found) <= most else [], dtype=np.int64)
+        return found
 
     def _chance(self, own: int) -> Tensor:
         """Draw a number in [0, 1) for each of so many items, float32."""
@@ -322,11 +289,6 @@ def seeded(seed: int) -> Iterator[None]:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         yield
-
-
-def not_finite(figures: dict[str, float]) -> list[str]:
-    """Return the names of the figures that are not finite."""
-    return [name for name, value in figures.items() if not math.isfinite(value)]
 
 
 def _to_floats(metrics: dict[str, Tensor]) -> dict[str, float]:

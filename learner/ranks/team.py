@@ -18,7 +18,8 @@ from common.system.closing import Closing
 from learner.algorithm.base import Algorithm, NotFiniteError, PolicyArrays, RanksError
 from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.factory import make_learner
-from learner.algorithm.policy_learner import PolicyLearner, not_finite
+from learner.algorithm.finiteness import not_finite
+from learner.algorithm.policy_learner import PolicyLearner
 from learner.ranks.group import Group, rank_device
 from learner.ranks.helper_process import HelperProcess
 from learner.ranks.messages import batch_fields, frame, state_fields
