@@ -11,12 +11,13 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from common.bus.keys import host_of
-from common.bus.seen import MAX_CLOSED, SeenSet
+from common.bus.seen import SeenSet
 from common.bus.tls import certified_hosts
 from common.config import RunConfig
-from common.errors import CheckpointError, MessageError, RefusedError
+from common.errors import CheckpointError, MessageError
 from common.messages.experience import Chunk, Delivery, EpisodeReport
 from common.messages.schema import decode, describe_delivery, encode
+from learner.admission import Admission
 from learner.quarantine import Quarantine
 from learner.rate_limiter import RateLimiter
 from learner.replay.buffer import ReplayBuffer
@@ -77,8 +78,6 @@ class Ingest:
         self.evaluated_at = float("-inf")
         """Monotonic seconds of the newest report of an evaluator."""
         self._keep_replay = config.checkpoints.replay
-        self._images = config.network.reads_image
-        self._hints = config.hinted
         self._journal = journal
         certified = certified_hosts(config.bus)
         self.host_of: Callable[[str], str] = partial(host_of, certified=certified)
@@ -88,6 +87,7 @@ class Ingest:
         )
         self._finished_rounds: SimpleQueue[Round] = SimpleQueue()
         self._seen = SeenSet(self.host_of)
+        self._admission = Admission(config, self.quarantine, self._seen)
         # Last arrival number of the replay buffer that each journal segment holds.
         self._segment_ends: dict[int, int] = {}
         self._lock = threading.Lock()
@@ -110,7 +110,7 @@ class Ingest:
             if (delivery.actor, delivery.incarnation, delivery.sequence) in self._seen:
                 self.duplicates += 1
             else:
-                self._admit(delivery)
+                self._admission.check(delivery)
                 segment = self._journal.segment
                 self._journal.append(RecordKind.DELIVERY, encode(delivery) if payload is None else payload)
                 self._take(delivery, segment)
@@ -284,29 +284,6 @@ class Ingest:
         if isinstance(delivery.body, EpisodeReport):
             self._note_episode(delivery, delivery.body)
         self._seen.add(delivery.actor, delivery.incarnation, delivery.sequence)
-
-    def _admit(self, delivery: Delivery) -> None:
-        """Raise RefusedError when nothing new of its actor may be stored, or not this."""
-        refusal = self.quarantine.refusal(delivery.actor)
-        if refusal:
-            raise RefusedError(refusal)
-        if self._seen.full and not self._seen.knows(delivery.actor, delivery.incarnation):
-            raise RefusedError(
-                f"this run has had {MAX_CLOSED:,} actor processes and accepts no more: a client invents names; use "
-                "certificates (docs/bus.md), and start another run"
-            )
-        if isinstance(delivery.body, Chunk) and (delivery.body.observations.image is not None) != self._images:
-            raise RefusedError(
-                f"observations of this run must have {'an' if self._images else 'no'} image (network.variant, "
-                "network.belief_map): make them as the run's specification says"
-            )
-
-        labels = delivery.body.labels if isinstance(delivery.body, Chunk) else None
-        if labels is not None and (labels.gain is not None) != self._hints:
-            raise RefusedError(
-                f"labels of this run must have {'' if self._hints else 'no '}hints (cloning.auxiliary_weight): make "
-                "them as the run's specification says"
-            )
 
     def _fill(self, delivery: Delivery, segment: int) -> int:
         body = delivery.body
