@@ -15,6 +15,7 @@ from learner.algorithm.batch import TransitionBatch
 from learner.algorithm.initial_policy import initial_weights
 from learner.checkpointing import Checkpointer
 from learner.curve_recorder import LOG_EVERY, CurveRecorder
+from learner.evaluations import Evaluations
 from learner.ingest import Ingest
 from learner.prefetch import Prefetch
 from learner.publishing import Publisher
@@ -27,7 +28,7 @@ from learner.run.cards import PolicyCards
 from learner.run.checkpoints import CheckpointStore
 from learner.run.disk import DiskWatch
 from learner.run.episodes import EpisodeLog
-from learner.run.evaluation import Round, validation_of
+from learner.run.evaluation import validation_of
 from learner.run.event_file import mend_folder
 from learner.run.files import DAMAGED
 from learner.run.folder import RunFolder, has_begun
@@ -38,8 +39,6 @@ from learner.run.summary import RunSummary, write_summary
 from learner.watch.writers import make_writers
 
 logger = logging.getLogger(__name__)
-
-_EVALUATOR_SECONDS = 60.0
 
 
 class Trainer:
@@ -89,8 +88,7 @@ class Trainer:
         self._mirror = None if mirror is None else Mirror(run.path, self.checkpoints, mirror)
         self._stop = threading.Event()
         self.readiness = Readiness(config, self.replay, self.limiter, self.disk, self._stop)
-        self._rounds: list[Round] = []
-        self._evaluated = -1
+        self._evaluations = Evaluations(self.best)
         self.receivers = 0
         """Processes on the network that fetch each version."""
         self.ingest: Ingest
@@ -234,15 +232,11 @@ class Trainer:
 
         What the disk refuses stays due until there is room.
         """
-        self._rounds += self.ingest.finished_rounds()
+        self._evaluations.collect(self.ingest)
         if self.disk.holds():
             return
         try:
-            while self._rounds:
-                self.best.consider(self._rounds[0])
-                finished = self._rounds.pop(0)
-                self._evaluated = max(self._evaluated, finished.version)
-                self.recorder.write_evaluation(finished)
+            self._evaluations.consider(self.recorder)
             self._publish_due()
             if self._checkpointer.schedule.is_due(self.limiter.updates, self.limiter.steps):
                 self.checkpoint()
@@ -256,9 +250,7 @@ class Trainer:
         """
         # Not the event's own wait: its lock is no place for a signal handler that sets it.
         time.sleep(WAIT_SECONDS)
-        if self._stop.is_set() or self._evaluated >= self.ingest.version:
-            return True
-        return time.monotonic() - self.ingest.evaluated_at > _EVALUATOR_SECONDS
+        return self._stop.is_set() or self._evaluations.over(self.ingest)
 
     def checkpoint(self) -> str:
         """Write a checkpoint, drop what it makes superfluous and return its name.
