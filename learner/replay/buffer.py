@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from common.messages.experience import Chunk, Delivery, End
 from learner.algorithm.batch import TransitionBatch
-from learner.replay.open_ends import OpenEnds
+from learner.replay.links import TransitionLinks
 from learner.replay.ragged import RaggedParts
 from learner.replay.store import ObservationStore
 from learner.replay.transitions import make_batch
@@ -51,21 +51,20 @@ class ReplayBuffer:
         # Arrival numbers count for ever: the observations here are those from _oldest to _next - 1.
         self._oldest = 0
         self._next = 0
-        self._transitions = 0
         # Where the observations here came from: (actor, incarnation, sequence) of deliveries in the order of arrival.
         self._sources: deque[Source] = deque()
         self._first_source = 0
-        self._ends, self._starts = OpenEnds(), OpenEnds()
+        self._links = TransitionLinks(self._columns, self._slots)
 
     def __len__(self) -> int:
         """Number of transitions that can be sampled."""
-        return self._transitions
+        return self._links.count
 
     @property
     def fill(self) -> float:
         """Share of the capacity in use, by transitions or by bytes, whichever is nearer to its limit; 0 to 1."""
         by_bytes = self._store.live_bytes / self._store.ring_bytes
-        return min(1.0, max(self._transitions / self.capacity, by_bytes))
+        return min(1.0, max(self._links.count / self.capacity, by_bytes))
 
     @property
     def bytes(self) -> int:
@@ -95,8 +94,8 @@ class ReplayBuffer:
             self._sources.append((delivery.actor, delivery.incarnation, delivery.sequence))
             first = self._store_observations(chunk)
             self._store_steps(chunk, first)
-            self._link(delivery, chunk, first)
-            while self._transitions > self.capacity:
+            self._links.join_chunk(delivery, chunk, first, self._oldest)
+            while self._links.count > self.capacity:
                 self._evict()
         return chunk.steps
 
@@ -206,8 +205,7 @@ class ReplayBuffer:
         columns = self._columns
         columns.delivery[rows] = self._last_source
         columns.step[rows] = False
-        columns.successor[rows] = -1
-        columns.predecessor[rows] = -1
+        self._links.clear(rows)
         columns.terminal[rows] = False
         columns.labelled[rows] = False
         self._next += count
@@ -229,9 +227,7 @@ class ReplayBuffer:
         columns.version[rows] = chunk.versions[skip:]
         columns.probability[rows] = chunk.probabilities[skip:]
         columns.family[rows] = chunk.family
-        joined = numbers + 1 < first + len(chunk.observations)
-        columns.successor[rows[joined]] = numbers[joined] + 1
-        self._transitions += int(np.count_nonzero(joined))
+        self._links.join_to_next(numbers[numbers + 1 < first + len(chunk.observations)])
         if chunk.end is End.TERMINAL:
             columns.terminal[rows[-1]] = True
         if chunk.labels is not None:
@@ -240,60 +236,17 @@ class ReplayBuffer:
             columns.remaining[rows] = chunk.labels.remaining[skip:]
             columns.unseen[rows] = chunk.labels.unseen[skip:]
 
-    def _link(self, delivery: Delivery, chunk: Chunk, first: int) -> None:
-        """Join the chunk's ends to the chunks before and after it, or note them for when those come."""
-        episode = (delivery.actor, delivery.incarnation, chunk.episode)
-        last = first + chunk.steps - 1
-        if chunk.end is End.NONE and last >= self._oldest:
-            key = (*episode, chunk.first_step + chunk.steps)
-            later = self._starts.take(key)
-            if later is None:
-                self._ends.note(key, last)
-            else:
-                self._join(last, later)
-        if chunk.first_step > 0 and first >= self._oldest:
-            key = (*episode, chunk.first_step)
-            earlier = self._ends.take(key)
-            if earlier is None:
-                self._starts.note(key, first)
-            else:
-                self._join(earlier, first)
-
-    def _join(self, step: int, successor: int) -> None:
-        self._columns.successor[step % self._slots] = successor
-        self._columns.predecessor[successor % self._slots] = step
-        self._transitions += 1
-
     def _withdraw(self, number: int) -> None:
         """Let an observation stay where it is, but start no transition; sums of rewards end before it."""
-        columns, row = self._columns, number % self._slots
-        successor = int(columns.successor[row])
-        if successor >= 0:
-            columns.successor[row] = -1
-            columns.predecessor[successor % self._slots] = -1
-            self._transitions -= 1
-        columns.labelled[row] = False
-        self._forget_ends(number)
-
-    def _forget_ends(self, number: int) -> None:
-        """Let nothing that comes later join an observation."""
-        self._ends.forget(number)
-        self._starts.forget(number)
+        self._columns.labelled[number % self._slots] = False
+        self._links.cut_after(number)
 
     def _evict(self) -> None:
         """Forget the oldest observation, and with it the transition that starts or ends there."""
-        number = self._oldest
-        columns = self._columns
+        number, columns = self._oldest, self._columns
         row = number % self._slots
-        if columns.successor[row] >= 0:
-            self._transitions -= 1
-        earlier = int(columns.predecessor[row])
-        if earlier >= number:  # it arrived after its successor, so it outlives it and is a transition no more
-            columns.successor[earlier % self._slots] = -1
-            self._transitions -= 1
-        columns.successor[row] = -1
+        self._links.evict(number)
         columns.labelled[row] = False
-        self._forget_ends(number)
         self._store.free(row)
         self._oldest += 1
         # The delivery that is being stored may be so large that it evicts its own beginning.
