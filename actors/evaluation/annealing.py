@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from common.system.copies import copy_values
 from common.system.jit import njit
+from common.tours.local_search import insert_cheapest
 from common.tours.sighting import popcount
 
 # Metres that every tour counts more which leaves more unseen than the tolerance.
@@ -142,17 +143,7 @@ def _propose(
         return size
     # Add a stop where it costs least.
     new = useful[np.random.randint(len(useful))]
-    best, where = np.inf, size
-    for k in range(size + 1):
-        before = start if k == 0 else stops[k - 1]
-        added = distances[before, new]
-        if k < size:
-            added += distances[new, stops[k]] - distances[before, stops[k]]
-        if added < best:
-            best, where = added, k
-    for k in range(size, where, -1):
-        out[k] = out[k - 1]
-    out[where] = new
+    insert_cheapest(distances, start, out, size, new)
     return size + 1
 
 

@@ -10,7 +10,22 @@ import typer
 
 from actors.cli_options import Fidelity
 from actors.evaluation.large.cli import app as large_app
-from actors.evaluation.options import ConfigFile, CopyTo, Label, Limit, Maps, Overrides, Start, Target, TaskName
+from actors.evaluation.options import (
+    ConfigFile,
+    CopyTo,
+    Jobs,
+    Label,
+    Limit,
+    Maps,
+    OutFolder,
+    Overrides,
+    Overwrite,
+    Planners,
+    Start,
+    Target,
+    TaskName,
+    TimeLimit,
+)
 from actors.evaluation.progress import planner_list, run_and_show
 from actors.evaluation.results_cli import app as results_app
 from common.cli import (
@@ -40,16 +55,9 @@ app = CommandApp(
 @app.command()
 @command_errors
 def run(
-    planner: Annotated[
-        list[str],
-        typer.Option(
-            "--planner",
-            metavar="NAME[,NAME...]",
-            help="Planners (see hd-eval planners), `omniscient`, or MODULE:CLASS.",
-        ),
-    ],
+    planner: Planners,
     maps: Maps,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; created if missing.")],
+    out: OutFolder,
     task: TaskName = EXPLORATION.name,
     sim: Annotated[
         str,
@@ -69,13 +77,10 @@ def run(
     limit: Limit = None,
     label: Label = None,
     copy_to: CopyTo = None,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Processes; 0 for one per core.")] = 0,
+    jobs: Jobs = 0,
     seed: Annotated[int, typer.Option("--seed", min=0, max=2**63 - 1, help="Seed of planners and simulator.")] = 0,
-    time_limit: Annotated[
-        float,
-        typer.Option("--time-limit", min=0.001, metavar="SECONDS", help="Processor time; a slower decision fails."),
-    ] = 10.0,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Start over instead of continuing.")] = False,
+    time_limit: TimeLimit = 10.0,
+    overwrite: Overwrite = False,
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:

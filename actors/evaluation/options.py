@@ -12,6 +12,14 @@ import typer
 from common.cli import completing
 from common.tasks import TASKS
 
+Planners = Annotated[
+    list[str],
+    typer.Option(
+        "--planner",
+        metavar="NAME[,NAME...]",
+        help="Planners (see hd-eval planners), `omniscient`, or MODULE:CLASS.",
+    ),
+]
 Maps = Annotated[
     list[str],
     typer.Option(
@@ -41,6 +49,13 @@ CopyTo = Annotated[
     str | None,
     typer.Option("--copy-to", metavar="URL", help="Copy the results to this folder too, such as s3://BUCKET/FOLDER."),
 ]
+OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; created if missing.")]
+Jobs = Annotated[int, typer.Option("--jobs", "-j", min=0, help="Processes; 0 for one per core.")]
+TimeLimit = Annotated[
+    float,
+    typer.Option("--time-limit", min=0.001, metavar="SECONDS", help="Processor time; a slower decision fails."),
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Start over instead of continuing.")]
 ConfigFile = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="TOML or JSON file with mapping, task and simulator settings."),
@@ -61,6 +76,10 @@ TaskName = Annotated[
 ResultsPaths = Annotated[
     list[str], typer.Argument(metavar="RESULTS...", help="Results files, or folders that hold them; URLs as well.")
 ]
+PicturesFolder = Annotated[
+    Path, typer.Option("--out", metavar="DIR", help="Folder for the pictures; created if missing.")
+]
+Suffix = Annotated[str, typer.Option("--suffix", help="Format: png, svg or pdf.")]
 
 
 class TableFormat(StrEnum):
@@ -70,6 +89,10 @@ class TableFormat(StrEnum):
     MARKDOWN = "markdown"
     LATEX = "latex"
     CSV = "csv"
+
+
+TableStyle = Annotated[TableFormat, typer.Option("--format", help="Format of the table.")]
+TextFile = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write it there instead.")]
 
 
 def write_text(text: str, path: Path | None) -> None:

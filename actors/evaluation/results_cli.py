@@ -15,10 +15,14 @@ from actors.evaluation.options import (
     Limit,
     Maps,
     Overrides,
+    PicturesFolder,
     ResultsPaths,
     Start,
+    Suffix,
     TableFormat,
+    TableStyle,
     Target,
+    TextFile,
     write_text,
 )
 from common.cli import EXIT_ERROR, CommandApp, command_errors, message_console
@@ -53,9 +57,9 @@ def table(
         str | None,
         typer.Option("--baseline", metavar="PLANNER", help="Compare with it: ratio, interval, paired tests."),
     ] = None,
-    style: Annotated[TableFormat, typer.Option("--format", help="Format of the table.")] = TableFormat.TEXT,
+    style: TableStyle = TableFormat.TEXT,
     units: Annotated[UnitsChoice, typer.Option("--units", help="Metres, or pixels of the maps.")] = UnitsChoice.METRES,
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write it there instead.")] = None,
+    out: TextFile = None,
 ) -> None:
     """Compare planners: distance, success, steps, decision time, ratios, paired tests.
 
@@ -77,7 +81,7 @@ def table(
 @command_errors
 def plot(
     results: ResultsPaths,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the pictures; created if missing.")],
+    out: PicturesFolder,
     kind: Annotated[PlotKind, typer.Option("--kind", help="What to draw.")] = PlotKind.ALL,
     maps: Annotated[
         list[str] | None,
@@ -90,7 +94,7 @@ def plot(
     baseline: Annotated[
         str | None, typer.Option("--baseline", metavar="PLANNER", help="Of the scatter plot. [default: the first]")
     ] = None,
-    suffix: Annotated[str, typer.Option("--suffix", help="Format: png, svg or pdf.")] = "png",
+    suffix: Suffix = "png",
     start: Start = None,
     target: Target = None,
     limit: Limit = None,

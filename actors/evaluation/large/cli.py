@@ -12,11 +12,20 @@ import typer
 from actors.evaluation.options import (
     ConfigFile,
     CopyTo,
+    Jobs,
     Label,
+    OutFolder,
     Overrides,
+    Overwrite,
+    PicturesFolder,
+    Planners,
     ResultsPaths,
+    Suffix,
     TableFormat,
+    TableStyle,
     TaskName,
+    TextFile,
+    TimeLimit,
     write_text,
 )
 from actors.evaluation.progress import planner_list, run_and_show
@@ -37,15 +46,8 @@ Baseline = Annotated[
 @app.command()
 @command_errors
 def large(
-    planner: Annotated[
-        list[str],
-        typer.Option(
-            "--planner",
-            metavar="NAME[,NAME...]",
-            help="Planners (see hd-eval planners), `omniscient`, or MODULE:CLASS.",
-        ),
-    ],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; created if missing.")],
+    planner: Planners,
+    out: OutFolder,
     task: TaskName = EXPLORATION.name,
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Number of worlds, from the first on.")] = 5,
     world: Annotated[
@@ -72,15 +74,12 @@ def large(
     ] = None,
     label: Label = None,
     copy_to: CopyTo = None,
-    jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Processes; 0 for one per core.")] = 0,
+    jobs: Jobs = 0,
     seed: Annotated[
         int, typer.Option("--seed", min=0, max=2**63 - 1, help="Seed of planners, simulator and tours.")
     ] = 0,
-    time_limit: Annotated[
-        float,
-        typer.Option("--time-limit", min=0.001, metavar="SECONDS", help="Processor time; a slower decision fails."),
-    ] = 10.0,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Start over instead of continuing.")] = False,
+    time_limit: TimeLimit = 10.0,
+    overwrite: Overwrite = False,
     config: ConfigFile = None,
     overrides: Overrides = None,
 ) -> None:
@@ -134,8 +133,8 @@ def large(
 def large_table(
     results: ResultsPaths,
     baseline: Baseline = None,
-    style: Annotated[TableFormat, typer.Option("--format", help="Format of the table.")] = TableFormat.TEXT,
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write it there instead.")] = None,
+    style: TableStyle = TableFormat.TEXT,
+    out: TextFile = None,
 ) -> None:
     """Compare planners in large worlds: distance, time, computing, volume or targets, collisions.
 
@@ -154,12 +153,12 @@ def large_table(
 @command_errors
 def large_plot(
     results: ResultsPaths,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the pictures; created if missing.")],
+    out: PicturesFolder,
     map_name: Annotated[
         list[str] | None,
         typer.Option("--map", metavar="NAME", help="World of the trajectories; may be repeated. [default: the first]"),
     ] = None,
-    suffix: Annotated[str, typer.Option("--suffix", help="Format: png, svg or pdf.")] = "png",
+    suffix: Suffix = "png",
 ) -> None:
     """Draw explored volume against distance and time, and the driven routes.
 
