@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
-from actors.maps.image_map import load_image
 from actors.maps.layout import BLOCK
 from common.errors import MapError
 from common.system.extras import optional
@@ -19,24 +18,11 @@ _START = (255, 217, 0)
 _TARGET = (238, 22, 31)
 
 
-def load_png(path: Path, metres_per_pixel: float = 0.25) -> GridMap:
-    """Read a map in the public PNG format, as `write_png` writes it; `load_image` reads others, too.
-
-    Args:
-        path: the file.
-        metres_per_pixel: scale of the image.
-
-    Raises:
-        MapError: the file cannot be read, or is no such map; see `load_image`.
-    """
-    return load_image(path, metres_per_pixel)
-
-
 def write_png(world: GridMap, path: Path) -> None:
     """Write a map in the public PNG format, so that it can be stored and shared.
 
-    Reading it back with the same scale gives the same free space, start, target and marker, when start and target
-    lie on corners of cells, as those of the generators do (else they move by up to half a cell).
+    Reading it back by `load_image` with the same scale gives the same free space, start, target and marker, when start
+    and target lie on corners of cells, as those of the generators do (else they move by up to half a cell).
 
     Args:
         world: the map; its origin and resolution are not part of the format.

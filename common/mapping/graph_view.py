@@ -80,12 +80,6 @@ class GraphView:
         return self._edges
 
     @property
-    def edge_lengths(self) -> NDArray[np.float64]:
-        """Length of each of the `edges`, metres, shape (m,)."""
-        ends = self.viewpoints[self.edges]
-        return np.asarray(np.hypot(*(ends[:, 1] - ends[:, 0]).T), dtype=np.float64)
-
-    @property
     def beacons(self) -> NDArray[np.float64]:
         """Positions of the beacons in node order, a known target last, metres, shape (m, 2)."""
         positions = self._positions[self._observation.beacon] if not self.stuck else np.empty((0, 2))

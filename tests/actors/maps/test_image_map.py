@@ -13,7 +13,7 @@ from actors.maps.files import list_maps
 from actors.maps.image_map import load_image
 from actors.maps.images import read_pixels
 from actors.maps.layout import build_map
-from actors.maps.png import load_png, write_png
+from actors.maps.png import write_png
 from common.errors import MapError
 from tests.actors.maps.images import FREE, OCCUPIED, START, TARGET, paint, simple
 
@@ -117,7 +117,7 @@ def test_round_trip(tmp_path: Path) -> None:
     free[8:32, 8:90] = True
     world = build_map("a", free, 0.25, (16, 20), (70, 20))
     write_png(world, tmp_path / "a.png")
-    again = load_png(tmp_path / "a.png", 0.25)
+    again = load_image(tmp_path / "a.png", 0.25)
     assert np.array_equal(again.free, world.free)
     assert (again.start, again.target, again.lattice_origin) == (world.start, world.target, world.lattice_origin)
     assert world.target_region is not None and np.array_equal(again.target_region, world.target_region)
