@@ -1,8 +1,7 @@
-"""On-policy returns on top of the exact sum: the loss by hand, who gets a gradient, exact resumption, scales."""
+"""On-policy returns on top of the exact sum: the loss by hand, who gets a gradient, scales."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 import torch
 
 from common.config import RunConfig
-from common.errors import CheckpointError
 from common.network.graph_batch import GraphBatch
 from learner.algorithm.base import NotFiniteError
 from learner.algorithm.batch import TransitionBatch
@@ -181,27 +179,6 @@ def test_only_what_serves_imitation_is_turned() -> None:
     turned = learner.prepare(batch, np.random.default_rng(0), cloning=False).observations
     same = [np.array_equal(turned[k].offsets, batch.observations[k].offsets) for k in range(40)]
     assert all(same[:20]) and not all(same[20:])
-
-
-def test_resumption_is_exact() -> None:
-    setting = ppo_config(cloning={"updates": 1}, ppo={"value_only_updates": 1}, contrastive={"beacons": True})
-    history, future = batches(4, 4, labelled=1.0), batches(5, 3, labelled=1.0)
-    learner = PpoLearner(setting, CPU)
-    for batch in history:
-        learner.update(batch)
-    tensors, values = learner.state()
-    resumed = PpoLearner(setting.model_copy(update={"seed": 9}), CPU)
-    resumed.restore(tensors, json.loads(json.dumps(values)))
-    for batch in future:
-        assert learner.update(batch) == resumed.update(batch)
-    ours, theirs = learner.state()[0], resumed.state()[0]
-    assert set(ours) == set(theirs)
-    assert all(torch.equal(ours[name], theirs[name]) for name in ours)
-
-
-def test_the_state_of_another_algorithm_is_refused() -> None:
-    with pytest.raises(CheckpointError, match=r"scales.*value.*algorithm of the run"):
-        PpoLearner(ppo_config(), CPU).restore(*SacLearner(config(), CPU).state())
 
 
 def test_returns_need_labels() -> None:
