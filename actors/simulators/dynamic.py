@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
 from actors.simulators.base import Leg, Watch
-from actors.simulators.beams import BeamPattern
 from actors.simulators.bullet import pybullet
 from actors.simulators.clearance import nearest_clear
 from actors.simulators.grid import check_free
-from actors.simulators.lidar import Lidar
-from actors.simulators.physics_world import TIME_STEP, PhysicsWorld
+from actors.simulators.physics_simulator import PhysicsSimulator
+from actors.simulators.physics_world import TIME_STEP
 from actors.simulators.robot import Robot
 from actors.simulators.segment import check_waypoint
 from actors.simulators.tracking import DriveLimits, SegmentTracker
@@ -40,7 +39,7 @@ _LARGEST_TILT = math.radians(25.0)
 _LARGEST_RISE = 0.1
 
 
-class DynamicSimulator:
+class DynamicSimulator(PhysicsSimulator):
     """A differential-drive robot under physics at 240 Hz, driven by a tracking controller at 60 Hz.
 
     While it drives, the lidar scans at ``lidar_rate``, at most 60 Hz; ``sense_every`` belongs to the other simulators
@@ -58,13 +57,8 @@ class DynamicSimulator:
             gui: open PyBullet's window; simulated time then keeps pace with real time.
             visible: give the world colours, for rendering without a window.
         """
-        self._config = config
-        self.physics = PhysicsWorld(config.wall_height, gui=gui, visible=visible)
-        self._beams = BeamPattern(config.rays, sensor_range, config.range_noise)
-        self._lidar = Lidar(self._beams, config.lidar_layers, config.wall_height)
+        super().__init__(config, sensor_range, gui=gui, visible=visible)
         self._limits = DriveLimits(speed=config.speed)
-        self._world: GridMap | None = None
-        self._robot: Robot | None = None
         self._clock = RealTime() if gui else None
         self._time = 0.0
         self._last_contact = -math.inf
@@ -90,26 +84,19 @@ class DynamicSimulator:
         """Height of the lidar above the floor, metres."""
         return self._loaded()[0].lidar_height
 
-    def set_sensor_range(self, metres: float) -> None:
-        """Let the sensor reach so far from the next scan on."""
-        self._lidar.set_range(metres)
-
     def reset(self, world: GridMap, seed: int) -> Pose:
         """Load a world, put the robot on its start and return its pose.
 
         The robot faces along x. Where the start is nearer to a wall than the robot's radius, it stands on the
         nearest place that has room for it.
         """
-        self.physics.load(world)
+        self._load(world, seed)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=CONTROL_INTERVAL,
             numSubSteps=_STEPS_PER_COMMAND,
             numSolverIterations=_SOLVER_ITERATIONS,
             physicsClientId=self.physics.client,
         )
-        self._world = world
-        self._beams.reseed(seed)
-        self._lidar.forget()
         self._robot = Robot(self.physics, Pose(*world.start), collides=True)
         self.place(Pose(*world.start))
         if self.physics.gui:
@@ -221,16 +208,6 @@ class DynamicSimulator:
             self._clock.advance(CONTROL_INTERVAL)
             follow_with_camera(self.physics.client, pose)
         return pose
-
-    def close(self) -> None:
-        """Shut the physics server down; safe to call twice."""
-        self._robot = None
-        self.physics.close()
-
-    def _loaded(self) -> tuple[Robot, GridMap]:
-        if self._robot is None or self._world is None:
-            raise SimulatorError("the simulator has no world: call reset(world, seed) first")
-        return self._robot, self._world
 
     def _stop(self) -> float:
         """Brake until the robot stands; return the distance that it took, metres."""

@@ -9,22 +9,20 @@ from numpy.typing import NDArray
 
 from actors.maps.grid_map import GridMap
 from actors.simulators.base import Leg, Watch
-from actors.simulators.beams import BeamPattern
 from actors.simulators.grid import check_free
-from actors.simulators.lidar import Lidar, free_distance
-from actors.simulators.physics_world import PhysicsWorld
+from actors.simulators.lidar import free_distance
+from actors.simulators.physics_simulator import PhysicsSimulator
 from actors.simulators.robot import Robot
 from actors.simulators.segment import follow_segment
 from actors.simulators.view import follow_with_camera
 from common.config import SimulatorConfig
-from common.errors import SimulatorError
 from common.geometry import Pose, Scan
 
 _COLLISION_HEIGHT = 0.15
 _FRAME = 1.0 / 30.0
 
 
-class KinematicSimulator:
+class KinematicSimulator(PhysicsSimulator):
     """A robot that is carried along the straight segment, with lidar rays in a PyBullet world."""
 
     def __init__(
@@ -38,12 +36,7 @@ class KinematicSimulator:
             gui: open PyBullet's window; the robot then moves in real time.
             visible: give the world colours, for rendering without a window.
         """
-        self._config = config
-        self.physics = PhysicsWorld(config.wall_height, gui=gui, visible=visible)
-        self._beams = BeamPattern(config.rays, sensor_range, config.range_noise)
-        self._lidar = Lidar(self._beams, config.lidar_layers, config.wall_height)
-        self._world: GridMap | None = None
-        self._robot: Robot | None = None
+        super().__init__(config, sensor_range, gui=gui, visible=visible)
         self._pose = Pose(0.0, 0.0)
 
     @property
@@ -51,16 +44,9 @@ class KinematicSimulator:
         """Where the robot stands."""
         return self._pose
 
-    def set_sensor_range(self, metres: float) -> None:
-        """Let the sensor reach so far from the next scan on."""
-        self._lidar.set_range(metres)
-
     def reset(self, world: GridMap, seed: int) -> Pose:
         """Load a world, put the robot on its start, facing along x, and return its pose."""
-        self.physics.load(world)
-        self._world = world
-        self._beams.reseed(seed)
-        self._lidar.forget()
+        self._load(world, seed)
         self._pose = Pose(*world.start)
         self._robot = Robot(self.physics, self._pose, collides=False)
         if self.physics.gui:
@@ -99,16 +85,6 @@ class KinematicSimulator:
         self._pose = leg.pose
         robot.place(leg.pose)
         return leg
-
-    def close(self) -> None:
-        """Shut the physics server down; safe to call twice."""
-        self._robot = None
-        self.physics.close()
-
-    def _loaded(self) -> tuple[Robot, GridMap]:
-        if self._robot is None or self._world is None:
-            raise SimulatorError("the simulator has no world: call reset(world, seed) first")
-        return self._robot, self._world
 
     def _scan_at(self, pose: Pose) -> Scan:
         robot, _ = self._loaded()
