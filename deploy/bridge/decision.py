@@ -6,7 +6,6 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from typing import Final
 
 from common.config import MappingConfig
 from common.geometry import Pose
@@ -16,6 +15,7 @@ from common.planners.goals import nothing_to_see
 from deploy.bridge.aim import Aim
 from deploy.bridge.checkup import Checkup
 from deploy.bridge.completion import CompletionChecks
+from deploy.bridge.decision_schedule import DecisionSchedule
 from deploy.bridge.diagnosis import behind_closed_way, diagnose
 from deploy.bridge.legs import begun_at, drivable
 from deploy.bridge.map_source import MapSource
@@ -30,10 +30,6 @@ from deploy.config import DecisionConfig, SafetyConfig
 from deploy.safety.health import HealthMonitor
 
 log = logging.getLogger(__name__)
-
-# A robot that moved less and learned nothing keeps its decision: planners take repeated questions from one place for
-# repeated failures.
-_MOVED: Final = 0.02
 
 
 class DecisionLoop:
@@ -90,8 +86,7 @@ class DecisionLoop:
         self._aim: Aim | None = None
         self._unseen: Unseen | None = None
         self._hold = ""
-        self._next = float("-inf")
-        self._asked: tuple[Pose, int, int] | None = None
+        self._schedule = DecisionSchedule(config.rate)
 
     def report_blocked(self, reason: str) -> None:
         """Tell from any thread that the way to the waypoint is blocked."""
@@ -120,14 +115,14 @@ class DecisionLoop:
             broken = self._checkup.holding
             if broken is not None:
                 self._stand(broken.reason)
-                self._next = now
+                self._schedule.hurry(now)
             elif mapper is None or pose is None:
                 self._stand(self._map.statistics.outdated or diagnose(mapper, pose, self._mapping).text)
             elif self._due(mapper, pose, now):
                 decided = self._decide(mapper, pose, now)
-            elif self._course is not None and now >= self._next:
+            elif self._course is not None and self._schedule.may_ask(now):
                 # The decision stands because nothing has changed; that is just what must not last.
-                self._next = now + 1.0 / self._config.rate
+                self._schedule.wait(now)
                 self._watch(self._course, mapper, pose, None, now)
         return self._outcome(mapper, pose, now, decided, time.perf_counter() - began)
 
@@ -148,7 +143,7 @@ class DecisionLoop:
             self._begin_episode(orders, now)
         if orders.moving and not self._was_moving:
             self._supervisor.wait(now)
-            self._next = now
+            self._schedule.hurry(now)
         if not orders.moving:
             self._stand("")
         self._was_moving = orders.moving
@@ -158,7 +153,7 @@ class DecisionLoop:
         self._stand("")
         self._checks.reset()
         self._unseen = None
-        self._next, self._asked = now, None
+        self._schedule.restart(now)
         if orders.purpose is Phase.RETURNING and orders.home is not None:
             self._supervisor.begin(orders.home, now)
             self.planners.go_to(orders.home)
@@ -181,19 +176,17 @@ class DecisionLoop:
         """Whether it is time to decide."""
         with self._blocked_lock:
             blocked, self._blocked = self._blocked, ""
-        course, asked = self._course, self._asked
+        course, schedule = self._course, self._schedule
         if course is None:
             # Nowhere to go: asked again on every new map, and not more often than the rate.
-            return now >= self._next and (asked is None or asked[1] != self._version)
+            return schedule.may_ask(now) and schedule.is_new(self._version)
         if blocked:
             self._supervisor.give_up(course, blocked, now)
             return True
         if self._checkup.waypoint_occupied or self._arrived(mapper, pose):
             return True
         wanted = self._config.replan == "always" or self._seen(mapper, course.goal) or self._at_end(course, pose)
-        if now < self._next or not wanted:
-            return False
-        return asked is None or pose.distance_to(asked[0].position) > _MOVED or asked[2] != mapper.belief.known_cells
+        return wanted and schedule.may_ask(now) and schedule.has_news(pose, mapper.belief.known_cells)
 
     def _seen(self, mapper: Mapper, goal: Position) -> bool:
         """Whether nothing is left to see from where the robot is going."""
@@ -209,9 +202,8 @@ class DecisionLoop:
     def _decide(self, mapper: Mapper, pose: Pose, now: float) -> bool:
         """Let a planner decide where to go, and watch over its choice."""
         self._mission.begun(pose.position)
-        stands = self._asked is not None and pose.distance_to(self._asked[0].position) <= _MOVED
-        self._next = now + 1.0 / self._config.rate
-        self._asked = (pose, self._version, mapper.belief.known_cells)
+        stands = self._schedule.stands(pose)
+        self._schedule.note_asked(now, pose, self._version, mapper.belief.known_cells)
         if self._at_goal(pose):
             return False
         way = self._way_to_place(mapper, pose)
@@ -226,7 +218,7 @@ class DecisionLoop:
             self._checkup.planner_failed(error)
             self._stand(str(error))
             # The next pass asks the fallback.
-            self._next, self._asked = now, None
+            self._schedule.restart(now)
             return False
         self._checkup.planner_decided()
         if plan.status is Status.GOING and not self._supervisor.allows(plan, place, now):
@@ -300,7 +292,7 @@ class DecisionLoop:
         # It was to move all the time.
         self._course = self._aim = None
         self._hold = vain
-        self._next, self._asked = now, None
+        self._schedule.restart(now)
 
     # Standing.
 
