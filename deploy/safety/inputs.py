@@ -10,7 +10,7 @@ from typing import Final
 
 from common.system.documents import parse_json
 from deploy.config import DeployConfig
-from deploy.ros2 import LATCHED, SENSOR, STATIC, Message, Node, QoS, Received
+from deploy.ros2 import LATCHED, SENSOR, STATIC, Message, Node, QoS, Received, seconds
 from deploy.ros2.names import topic_name
 from deploy.safety.gate_state import GateMode
 from deploy.safety.rules import GateRules
@@ -102,19 +102,27 @@ class WatchdogInputs:
         return self._other is not None and self._other[0] > moment
 
     def _heard_sensor(self, payload: bytes, received: Received) -> None:
+        del payload
         self._rules.sensor_time = received.time
-        self._note_clock(payload, received)
         self._wake_unless_clear()
 
     def _heard_pose(self, payload: bytes, received: Received) -> None:
         self._rules.pose_time = received.time
-        self._note_clock(payload, received)
+        if len(payload) >= 12 and payload[1] in _STAMP:
+            sent, nanoseconds = _STAMP[payload[1]].unpack_from(payload)
+            self._note_clock(sent + nanoseconds * 1e-9, received)
         self._wake_unless_clear()
 
     def _heard_transforms(self, transforms: Message, received: Received) -> None:
         # SLAM's own transform must not hide that the robot's odometry has stopped.
-        if any(self._carries_base(one.child_frame_id.lstrip("/")) for one in transforms.transforms):
+        stamps = [
+            seconds(one.header.stamp)
+            for one in transforms.transforms
+            if self._carries_base(one.child_frame_id.lstrip("/"))
+        ]
+        if stamps:
             self._rules.pose_time = received.time
+            self._note_clock(max(stamps), received)
             self._wake_unless_clear()
 
     def _heard_static_transforms(self, transforms: Message, received: Received) -> None:
@@ -162,7 +170,6 @@ class WatchdogInputs:
         self._other = received.time, other
         self._rules.rival_time = received.time
 
-    def _note_clock(self, payload: bytes, received: Received) -> None:
-        if len(payload) >= 12 and payload[1] in _STAMP:
-            seconds, nanoseconds = _STAMP[payload[1]].unpack_from(payload)
-            self._clock_offset = seconds + nanoseconds * 1e-9 - received.time
+    def _note_clock(self, stamp: float, received: Received) -> None:
+        """Learn the robot's clock from poses alone: a map that is latched is old, and a lidar may have its own."""
+        self._clock_offset = stamp - received.time if stamp > 0.0 else None

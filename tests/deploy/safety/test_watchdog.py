@@ -247,7 +247,7 @@ def test_robot_gets_its_own_type_and_clock():
     config = configuration(driving={"enabled": True, "message": "TwistStamped"})
     with Robot(config) as robot, bridge(config):
         assert eventually(lambda: robot.velocity() == (1.0, 0.2))
-        assert 999.0 < robot.stamps[-1] < 1010.0  # the stamps of its scans are at 1000 s
+        assert 999.0 < robot.stamps[-1] < 1010.0  # the stamps of its poses are at 1000 s
 
 
 @pytest.mark.slow
