@@ -115,10 +115,12 @@ def topics(
 
     Example: `hd-deploy topics --profile cmu --connect tcp/192.168.1.5:7447`
     """
+    from deploy.bridge.type_watch import type_problem
     from deploy.needs import needs_of
     from deploy.network_config import guest_of
     from deploy.relay.names import node_of_relay
     from deploy.ros2.graph import watch
+    from deploy.routes import named_routes
 
     resolved = load_options(profile, config, overrides, connect)
     guest = guest_of(resolved.ros)
@@ -163,8 +165,11 @@ def topics(
         console.print(f"published in DDS, behind {relay}:{listed}", highlight=False)
     for problem in problems:
         console.print(f"the relay says: {problem}", style="yellow", highlight=False)
-    published = {topic for topic, names in kinds_of.items() if names}
-    missing = [need for need in needs_of(resolved) if need.topic not in published]
+    routes = named_routes(resolved)
+    for problem in dict.fromkeys(type_problem(resolved, routes, each) for each in graph.endpoints):
+        if problem:
+            console.print(problem, style="yellow", highlight=False)
+    missing = [need for need in needs_of(resolved) if need.kind not in kinds_of.get(need.topic, ())]
     if missing:
         listed = ", ".join(need.topic or f"(no topic in topics.{need.name})" for need in missing)
         console.print(f"not published, but needed by the bridge: {listed}", style="yellow")

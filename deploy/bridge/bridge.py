@@ -31,6 +31,7 @@ from deploy.bridge.outputs import Outputs
 from deploy.bridge.planner_selector import make_planners, with_planning_set
 from deploy.bridge.problems import LastProblem
 from deploy.bridge.reporter import Reporter
+from deploy.bridge.type_watch import TypeWatch
 from deploy.bridge.velocity_watch import VelocityWatch
 from deploy.bridge.warmup import warm_up
 from deploy.config import DeployConfig
@@ -196,6 +197,7 @@ class Bridge(Closing):
         self._rivals = enter(Rivals(node.session, config.name, instance))
         if config.driving.enabled:
             enter(VelocityWatch(node, config.ros, config.topics))
+        enter(TypeWatch(node.session, config))
         self._next_status = self._next_picture = 0.0
         self._started_by_itself = False
 
@@ -215,7 +217,7 @@ class Bridge(Closing):
             self._mission.emergency_stop(self._gate.state.reason)
         if self._live is not None:
             self._live.refresh(self._planners)
-        unheard = self._outputs.unheard(now)
+        unheard = self._outputs.unheard(now, velocity_heard=self._gate.state.heard)
         outcome = self._outcome = self._loop.step(in_other_hands=bool(unheard) or self._gate.state.in_other_hands)
         held = self._rivals.problem or (unheard if outcome.orders.moving else "")
         if held:

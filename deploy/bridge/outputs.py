@@ -18,6 +18,7 @@ from deploy.bridge.status import Status
 from deploy.config import DeployConfig
 from deploy.ros2 import LATCHED, RELIABLE, Message, Node, Publisher, QoS, message
 from deploy.ros2.conversions import occupancy_grid, path, point_stamped, pose_stamped
+from deploy.ros2.names import topic_name
 
 # A navigation stack whose robot has stood for so long, seconds, is told its goal again: it was not ready yet, refused
 # it, gave it up, or thinks that it is there. Its own recoveries (nav2 waits for 5 s) move the robot sooner.
@@ -40,6 +41,8 @@ class Outputs:
         self._pose: Pose | None = None
         self._standing = Standing()
         self._heard: float | None = None
+        topics = config.topics
+        self._velocity = topic_name(topics.velocity, node.namespace, topics.remap) if topics.velocity else ""
         self._next_waypoint = self._next_diagnostics = float("-inf")
         for name, kind, qos in (
             ("waypoint", "geometry_msgs/msg/PointStamped", RELIABLE),
@@ -104,20 +107,25 @@ class Outputs:
         if outcome.decided:
             self._number("runtime", outcome.seconds)
 
-    def unheard(self, now: float) -> str:
-        """Say that nobody hears where the robot is to go; empty while somebody does, and where the bridge drives.
+    def unheard(self, now: float, *, velocity_heard: bool = True) -> str:
+        """Say that nobody hears where the robot is to go, or its velocities where the bridge drives; empty otherwise.
 
         Args:
             now: monotonic seconds.
+            velocity_heard: somebody listens to what the watchdog sends.
         """
         name = "waypoint_pose" if "waypoint_pose" in self._publishers else "waypoint"
-        publisher = self._publishers.get(name)
-        if publisher is None or self._config.driving.enabled:
-            return ""
-        if publisher.heard or self._heard is None:
+        publisher, driving = self._publishers.get(name), self._config.driving
+        heard = velocity_heard if driving.enabled else publisher is None or publisher.heard
+        if heard or self._heard is None:
             self._heard = now
         if now - self._heard <= _UNHEARD:
             return ""
+        if publisher is None or driving.enabled:
+            return (
+                f"nobody listens on {self._velocity} to velocities of the type {driving.message}: start the driver of "
+                "the base, or correct topics.velocity or driving.message (`hd-deploy topics` lists who listens)"
+            )
         return (
             f"nobody listens on {publisher.topic} to where the robot is to go: start the stack that drives it, or "
             f"correct topics.{name}, which may be empty"

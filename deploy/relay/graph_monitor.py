@@ -8,8 +8,8 @@ from typing import Final
 
 from deploy.relay.dds import DdsNode, Peer
 from deploy.relay.lanes import Lane
-from deploy.relay.routes import Direction, Route
 from deploy.ros2.messages import type_hash
+from deploy.routes import Direction, Route, mismatch
 
 log = logging.getLogger(__name__)
 
@@ -96,15 +96,6 @@ class GraphMonitor:
         return f"{what}, but for {shown}: set {route.setting}={others[0]} for relay and bridge"
 
     def _of_type(self, route: Route, peer: Peer) -> str:
-        what = f"{peer.node} speaks {peer.kind} on {route.topic}, and the profile {route.kind}"
-        if peer.kind != route.kind:
-            if "Twist" in peer.kind and route.moves:
-                return f"{what}: set driving.message={peer.kind.rsplit('/', 1)[1]}"
-            return f"{what}: no message goes between them; remap one of the two"
         ours = type_hash(route.kind, self._distro)
-        if peer.type_hash and ours.startswith("RIHS") and peer.type_hash != ours:
-            return (
-                f"{peer.node} has another definition of {route.kind} on {route.topic} ({peer.type_hash}, here {ours}): "
-                "set ros.distro to the robot's distribution"
-            )
-        return ""
+        # Humble's types have no hash, which keeps nobody in DDS from hearing them.
+        return mismatch(route, peer.node, peer.kind, peer.type_hash, ours if ours.startswith("RIHS") else "")

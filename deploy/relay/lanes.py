@@ -10,8 +10,8 @@ from dataclasses import replace
 from typing import Any
 
 from deploy.relay.dds import DdsNode
-from deploy.relay.routes import Route
 from deploy.ros2 import Node, Publisher, Received, RosError
+from deploy.routes import Route
 
 log = logging.getLogger(__name__)
 

@@ -17,11 +17,11 @@ from deploy.relay.dds import DdsNode, domain_of
 from deploy.relay.graph_monitor import GraphMonitor
 from deploy.relay.lanes import Lane, ToBridge, ToRobot
 from deploy.relay.names import node_name, relay_name
-from deploy.relay.routes import Direction, routes_of
 from deploy.relay.standstill import Standstill
 from deploy.ros2 import Node, RosError
 from deploy.ros2.definitions import SERVICES, service_name
 from deploy.ros2.names import namespace, topic_name
+from deploy.routes import Direction, routes_of
 
 log = logging.getLogger(__name__)
 

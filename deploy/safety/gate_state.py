@@ -52,6 +52,7 @@ class GateState:
         linear: last velocity sent, m/s.
         angular: last velocity sent, rad/s.
         clipped: the last command was beyond the limits.
+        heard: somebody listens to the velocities, with the same type; true where there is no such topic.
         alive: the watchdog process runs and reports.
     """
 
@@ -64,6 +65,7 @@ class GateState:
     linear: float = 0.0
     angular: float = 0.0
     clipped: bool = False
+    heard: bool = True
     alive: bool = True
 
     @property

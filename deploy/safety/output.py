@@ -31,6 +31,11 @@ class VelocityOutput:
         self._velocity: Publisher | None = node.publisher(topics.velocity, self._kind) if topics.velocity else None
         self._stop: Publisher | None = node.publisher(topics.stop, "std_msgs/msg/Int8") if topics.stop else None
 
+    @property
+    def heard(self) -> bool:
+        """Whether anybody listens to the velocities, with the same type; true where there is no such topic."""
+        return self._velocity is None or self._velocity.heard
+
     def velocity(self, linear: float, angular: float, time: float = 0.0) -> None:
         """Publish a velocity.
 

@@ -183,6 +183,7 @@ class Watchdog(Closing):
             linear=self._sent[0],
             angular=self._sent[1],
             clipped=decision.clipped,
+            heard=self._output.heard,
         )
 
     def _log_change(self, decision: Decision) -> None:

@@ -12,8 +12,8 @@ from ruamel.yaml import YAML
 
 from deploy.cli import app
 from deploy.profiles import DEPLOY, load_deploy_config
-from deploy.relay.routes import Direction, routes_of
 from deploy.ros_arguments import parameters_of
+from deploy.routes import Direction, routes_of
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "ros2"

@@ -238,6 +238,26 @@ def test_a_robot_whose_stack_does_not_run_holds_and_says_so_until_it_does():
 
 
 @pytest.mark.timeout(120)
+def test_a_base_that_hears_another_type_of_velocities_holds_the_robot_and_is_named():
+    router, config = network(
+        mapping={**MAPPING, "robot_radius": 0.3},
+        decision={"planner": "nearest"},
+        driving={"enabled": True, "robot_radius": 0.2},
+    )
+    with FakeRobot(ARMS, router, by_velocity=True) as robot:
+        heard = []
+        stamped = config.driving.model_copy(update={"message": "TwistStamped"})
+        with running_bridge(config.model_copy(update={"driving": stamped})):
+            assert eventually(lambda: robot.status.get("scans", 0) > 2, 30)
+            ask(robot, "start")
+            what = "nobody listens on /cmd_vel to velocities of the type TwistStamped"
+            assert eventually(lambda: robot.status["reason"].startswith(what))
+            assert robot.status["error"]["text"].endswith("set driving.message=Twist")
+            robot.node.subscribe("/cmd_vel", "geometry_msgs/msg/TwistStamped", lambda m, _: heard.append(m))
+            assert eventually(lambda: heard and not robot.status["reason"].startswith(what))
+
+
+@pytest.mark.timeout(120)
 def test_a_stop_latched_before_the_start_outlives_autostart():
     router, config = network(mapping=MAPPING, decision={"planner": "nearest", "autostart": True})
     stop = threading.Event()

@@ -103,3 +103,11 @@ def test_a_stack_that_does_not_run_is_named_until_it_does(nodes, profile, topic,
 def test_a_robot_that_the_bridge_drives_needs_no_stack(nodes):
     outputs = Outputs(nodes[0], load_deploy_config(profile="bare"))
     assert outputs.unheard(0.0) == outputs.unheard(100.0) == ""
+
+
+def test_a_base_that_hears_no_velocities_is_named_until_it_does(nodes):
+    outputs = Outputs(nodes[0], load_deploy_config(None, ["topics.velocity=base/cmd_vel"], {}, "bare"))
+    assert outputs.unheard(0.0, velocity_heard=False) == outputs.unheard(2.9, velocity_heard=False) == ""
+    told = outputs.unheard(3.1, velocity_heard=False)
+    assert told.startswith("nobody listens on /base/cmd_vel to velocities of the type Twist: start the driver")
+    assert outputs.unheard(3.2, velocity_heard=True) == ""

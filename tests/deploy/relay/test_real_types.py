@@ -17,9 +17,9 @@ from rosbags.interfaces import Nodetype
 
 from deploy.profiles import DEPLOY
 from deploy.relay.descriptions import describe
-from deploy.relay.routes import routes_of
 from deploy.ros2.definitions import ACTION_SERVICES, SERVICES
 from deploy.ros2.messages import deserialize, serialize, type_hash, typestore
+from deploy.routes import routes_of
 
 # What no wheel has: its parts are those of geometry_msgs, and its hash is checked against another implementation.
 NOT_INSTALLED = {"tf2_msgs/msg/TFMessage"}

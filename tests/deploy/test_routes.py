@@ -4,10 +4,10 @@ import pytest
 
 from deploy.bridge.bridge import Bridge
 from deploy.profiles import DEPLOY, load_deploy_config
-from deploy.relay.routes import Direction, routes_of
 from deploy.ros2 import RosError
 from deploy.ros2.graph import read_graph
 from deploy.ros2.session import open_session
+from deploy.routes import Direction, routes_of
 from tests.common.bus.processes import eventually
 from tests.deploy.ros2.network import rmw_router
 

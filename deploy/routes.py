@@ -1,4 +1,4 @@
-"""What goes from one network to the other: the topics of a profile, with their types, directions and QoS."""
+"""The topics of a profile between robot and bridge, with their types, directions and QoS."""
 
 from __future__ import annotations
 
@@ -59,9 +59,8 @@ def routes_of(config: DeployConfig) -> list[Route]:
     Raises:
         RosError: a name is malformed, or one topic is to go both ways.
     """
-    routes = [*_to_bridge(config), *_to_robot(config)]
     by_topic: dict[str, Route] = {}
-    for route in routes:
+    for route in named_routes(config):
         other = by_topic.setdefault(route.topic, route)
         if other.direction is not route.direction:
             raise RosError(
@@ -71,6 +70,38 @@ def routes_of(config: DeployConfig) -> list[Route]:
         if other.kind != route.kind:
             raise RosError(f"{route.topic} has two types, {other.kind} and {route.kind}: rename one of the topics")
     return list(by_topic.values())
+
+
+def named_routes(config: DeployConfig) -> list[Route]:
+    """Return a route for each topic that has a name, whether they can be relayed together or not.
+
+    Raises:
+        RosError: a name is malformed.
+    """
+    return [*_to_bridge(config), *_to_robot(config)]
+
+
+def mismatch(route: Route, node: str, kind: str, told: str, ours: str) -> str:
+    """Say why nothing goes between the bridge and another node on a topic; empty where it does.
+
+    Args:
+        route: of the topic.
+        node: full name of the other one.
+        kind: message type that it speaks.
+        told: hash of its type, or empty where it tells none.
+        ours: hash of the same type here, or empty where hashes need not be the same.
+    """
+    what = f"{node} speaks {kind} on {route.topic}, and the profile {route.kind}"
+    if kind != route.kind:
+        if "Twist" in kind and route.moves:
+            return f"{what}: set driving.message={kind.rsplit('/', 1)[1]}"
+        return f"{what}: no message goes between them; remap one of the two"
+    if told and ours and told != ours:
+        return (
+            f"{node} has another definition of {kind} on {route.topic} ({told}, here {ours}): set ros.distro to the "
+            "robot's distribution"
+        )
+    return ""
 
 
 def _to_bridge(config: DeployConfig) -> list[Route]:
