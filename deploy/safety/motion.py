@@ -11,6 +11,12 @@ from common.geometry import Pose
 # A pose that shows less than the second pair while the first pair was to be expected stands still: metres, radians.
 _EXPECTED: Final = (0.3, 0.5)
 _SHOWN: Final = (0.05, 0.1)
+_COMMANDED: Final = "the robot was commanded to move"
+_WHEELS: Final = "its wheels turn"
+_REMEDY: Final = {
+    _COMMANDED: "are its motors on, does its base hear the velocities (`hd-deploy topics`), is it stuck?",
+    _WHEELS: "restart the localisation, or is the robot stuck?",
+}
 # Slower than this is rest: m/s, rad/s.
 _REST: Final = (0.02, 0.05)
 # A velocity counts no longer than this without another one, seconds.
@@ -67,7 +73,7 @@ class MotionWatch:
     def __init__(self) -> None:
         """Know neither pose nor velocity."""
         self._lock = threading.Lock()
-        self._sources = {"the robot was commanded to move": _DeadReckoning(), "its wheels turn": _DeadReckoning()}
+        self._sources = {_COMMANDED: _DeadReckoning(), _WHEELS: _DeadReckoning()}
         self._commanded, self._measured = self._sources.values()
         self._anchor: tuple[float, float, Pose] | None = None
         self._poses = 0
@@ -118,7 +124,7 @@ class MotionWatch:
                 if way >= _EXPECTED[0] or turn >= _EXPECTED[1]:
                     reason = (
                         f"the pose does not change while {what}: expected {way:.2f} m and {turn:.2f} rad, got "
-                        f"{shown[0]:.2f} m and {shown[1]:.2f} rad"
+                        f"{shown[0]:.2f} m and {shown[1]:.2f} rad; {_REMEDY[what]}"
                     )
                     self._fault = now, reason
                     return

@@ -64,6 +64,7 @@ def test_the_fault_ends_when_the_pose_moves_by_a_command_or_for_another_try():
     watch = MotionWatch()
     _, now = drive(watch, 2.0, shows=0.0)
     assert "the pose does not change while the robot was commanded to move" in watch.fault(now)
+    assert "does its base hear the velocities (`hd-deploy topics`)" in watch.fault(now)
     watch.heard_pose(now, now, Pose(0.02, 0.0))
     assert watch.fault(now + 5.0)
     watch.heard_pose(now, now, Pose(0.6, 0.0))
