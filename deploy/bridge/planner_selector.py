@@ -100,9 +100,9 @@ class PlannerSelector:
         """Put the fallback in charge for a while."""
         if self._homing or self._episode is None:
             return
-        names = self._main.name, self._fallback.name
-        relieved = lasting(lambda: self.relieved(time.monotonic()))
-        log.warning("planner %s is relieved by %s for %g s: %s", *names, self._relief, why, extra=relieved)
+        name, fallback = self._main.name, self._fallback.name
+        what = f"begins anew: {why}" if name == fallback else f"is relieved by {fallback} for {self._relief:g} s: {why}"
+        log.warning("planner %s %s", name, what, extra=lasting(lambda: self.relieved(time.monotonic())))
         if now >= self._until:
             _begin(self._fallback, *self._episode)
         self._until = now + self._relief

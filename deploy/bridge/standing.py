@@ -63,7 +63,7 @@ class MotionCheck:
             self.problem = ""
         elif not self.problem:
             self.problem = (
-                "the robot does not move, wherever it is sent: is its stack in manual mode, are its motors off, is a "
-                "stop pressed, or is it stuck?"
+                "the robot does not move, wherever it is sent: is its stack inactive or in manual mode, does it reject "
+                "its goals, are its motors off, is a stop pressed, or is it stuck?"
             )
             log.warning("%s", self.problem, extra=lasting(lambda: bool(self.problem)))

@@ -54,6 +54,20 @@ def test_a_planner_and_a_task_of_ones_own_drive_a_robot(module):
     assert trial.planners.in_charge(trial.now).name == "greedy"
 
 
+@pytest.mark.parametrize(
+    ("fallback", "words"),
+    [
+        ("nearest", "planner nearest begins anew: stuck"),
+        ("tour", "planner nearest is relieved by tour for 30 s"),
+    ],
+)
+def test_a_planner_does_not_relieve_itself_in_words(fallback, words, caplog):
+    planners = make_planners(settings(decision={"planner": "nearest", "fallback": fallback}))
+    planners.begin("exploration", None)
+    planners.relieve(0.0, "stuck")
+    assert words in caplog.text
+
+
 def test_planners_that_cannot_be_had_are_named_before_the_robot_moves(module):
     with pytest.raises(ConfigError, match=r"decision\.planner: there is no planner 'gredy' \(did you mean"):
         settings(decision={"planner": "gredy"})
