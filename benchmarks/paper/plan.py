@@ -70,9 +70,9 @@ TRAININGS: Final = (
     *(_imitating(name, task, f"network.variant={name}") for task in _TASKS for name in _VARIANTS),
     _imitating("paper-features", "exploration", "network.features=paper"),
     _imitating("full-graph", "exploration", "network.graph=full"),
-    Training("ariadne-exploration", "ariadne", "exploration", "ariadne"),
     Training("cnn-exploration", "cnn", "exploration", "cnn"),
     Training("ca-navigation", "ca", "navigation", "ca"),
+    Training("ariadne-exploration", "ariadne", "exploration", "ariadne"),
 )
 """`paper-features` and `full-graph` are hdplanner without what this project added to the paper's inputs. The baselines
 learn as published, without imitation (docs/baselines.md)."""
