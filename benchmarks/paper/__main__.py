@@ -53,8 +53,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             chains = [pool.submit(_do, steps, training, places) for training, places in left]
             # Curves come last, because tables matter more where time is short.
             under_way = {each[0]: chain for each, chain in zip(left, chains, strict=True)}
-            trainings = [training for training, _ in planned if training is not None]
-            chains += [pool.submit(_draw, steps, each, under_way.get(each)) for each in trainings]
+            curves = [
+                training
+                for training, _ in planned
+                if training is not None and (training in under_way or folders.points_left(*training))
+            ]
+            chains += [pool.submit(_draw, steps, each, under_way.get(each)) for each in curves]
             for number, chain in enumerate(as_completed(chains), done + 1):
                 try:
                     names = chain.result()
