@@ -18,10 +18,13 @@ log = logging.getLogger(__name__)
 
 # Tokens come from outside: of more mismatches than a robot can have none is told.
 _MOST: Final = 100
+_MAP: Final = "nav_msgs/msg/OccupancyGrid"
+# By custom on the topic of the map with `_updates` behind it.
+_UPDATE: Final = "map_msgs/msg/OccupancyGridUpdate"
 
 
 class TypeWatch(Closing):
-    """Warns of every node that publishes what the bridge hears, or hears what it publishes, as another type.
+    """Warns of every node that publishes what the bridge hears, or hears what it publishes, in a way that does not fit.
 
     Attributes:
         problems: what does not fit at this moment, each one sentence with its remedy.
@@ -67,6 +70,8 @@ def type_problem(config: DeployConfig, routes: list[Route], seen: SeenEndpoint) 
         routes: as of `named_routes`.
         seen: what a node announces.
     """
+    if seen.role == "publisher" and seen.kind == _UPDATE:
+        return _partial_map(routes, seen)
     asked = Direction.TO_BRIDGE if seen.role == "publisher" else Direction.TO_ROBOT
     wanted = [route for route in routes if route.topic == seen.topic and route.direction is asked]
     if not wanted:
@@ -75,3 +80,15 @@ def type_problem(config: DeployConfig, routes: list[Route], seen: SeenEndpoint) 
     # Behind a zenoh-bridge-ros2dds keys hold no type: a hash keeps nobody from hearing.
     ours = type_hash(route.kind, config.ros.distro) if config.ros.layout == "rmw_zenoh" else ""
     return mismatch(route, seen.node, seen.kind, seen.type_hash, ours)
+
+
+def _partial_map(routes: list[Route], seen: SeenEndpoint) -> str:
+    """Say that a node may send a part of the map where the bridge waits for all of it; empty for other maps."""
+    maps = [route.topic for route in routes if route.kind == _MAP and route.direction is Direction.TO_BRIDGE]
+    for topic in maps:
+        if seen.topic == f"{topic}_updates":
+            return (
+                f"{seen.node} publishes changes of {topic} on {seen.topic}, which the bridge does not hear: let it "
+                "publish whole maps (nav2's costmaps: always_send_full_costmap: true), or set topics.map to the SLAM's"
+            )
+    return ""

@@ -57,3 +57,13 @@ def test_a_sensor_of_another_type_or_distribution_is_named():
     assert cloud.endswith("no message goes between them; remap one of the two")
     humble = type_problem(config, routes, seen("publisher", "/front/scan", kind, type_hash(kind, "humble")))
     assert humble.endswith("set ros.distro to the robot's distribution")
+
+
+def test_a_costmap_that_may_send_parts_of_the_map_is_named():
+    config = load_deploy_config(None, ["topics.map=/global_costmap/costmap"], {}, "nav2")
+    routes = named_routes(config)
+    kind = "map_msgs/msg/OccupancyGridUpdate"
+    part = type_problem(config, routes, seen("publisher", "/global_costmap/costmap_updates", kind, ""))
+    assert "always_send_full_costmap: true" in part
+    assert not type_problem(config, routes, seen("publisher", "/local_costmap/costmap_updates", kind, ""))
+    assert not type_problem(config, routes, seen("subscription", "/global_costmap/costmap_updates", kind, ""))
