@@ -88,14 +88,20 @@ class Inputs:
 
     def take_odometry(self, odometry: Message, received: Received) -> None:
         """Take a nav_msgs/Odometry."""
-        stamp, pose, velocity = pose_from(odometry)
+        try:
+            stamp, pose, velocity = pose_from(odometry)
+        except RosError as error:
+            self._health.refused_pose(received.time, str(error))
+            raise
         self.velocity = velocity
         self._health.measured(received.time, *velocity)
         self._came("odometry", received)
         if self._config.sensing.pose == "odometry":
             floor = odometry.pose.pose.position.z - self._config.sensing.pose_height
             base = self._map.add_pose(stamp, pose, floor, odometry.header.frame_id, odometry.child_frame_id)
-            if base is not None:
+            if base is None:
+                self._health.refused_pose(received.time, self._map.problem)
+            else:
                 self._moved(stamp, base, received)
 
     def take_transforms(self, transforms: Message, received: Received) -> None:

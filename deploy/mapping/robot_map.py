@@ -245,6 +245,12 @@ class RobotMap:
             return self._intake.swing
 
     @property
+    def problem(self) -> str:
+        """The last thing that went wrong, one line; empty when nothing did."""
+        with self._intake_lock:
+            return self._intake.messages.problem
+
+    @property
     def statistics(self) -> MapStatistics:
         """What became of the sensor messages, since the last reset where it is about the map."""
         with self._intake_lock:

@@ -61,6 +61,7 @@ class HealthMonitor:
         self._sensors = SensorWatch(self._sensor, self._config.scan_timeout, awaited=self._awaited.sensor)
         self._others: dict[str, SensorWatch] = {}
         self._pose_arrived: float | None = None
+        self._pose_refused: tuple[float, str] | None = None
         self._pose_order = StampOrder()
         self._clock: tuple[float, str] | None = None
         self._motion = MotionWatch()
@@ -127,6 +128,10 @@ class HealthMonitor:
         if self._advances(self._pose_order, stamp, now):
             self._pose = now, stamp, pose
             self._motion.heard_pose(now, stamp, pose)
+
+    def refused_pose(self, now: float, reason: str) -> None:
+        """A pose arrived that does not count, which an operator has to know where no other one comes."""
+        self._pose_refused = now, reason
 
     def disagreed(self, now: float, reason: str) -> None:
         """Two sources of the pose contradict each other, so that none tells where the robot is."""
@@ -200,12 +205,15 @@ class HealthMonitor:
         return found in {Order.AHEAD, Order.SET_BACK}
 
     def _pose_faults(self, now: float) -> list[Fault]:
-        timeout = self._config.pose_timeout
+        timeout, refused = self._config.pose_timeout, self._pose_refused
+        why = "" if refused is None or now - refused[0] > timeout else f"those that arrive do not count: {refused[1]}"
         if self._pose is None:
-            return [Fault(FaultKind.POSE_STALE, f"no pose received yet{self._awaited.pose}")]
+            what = f"; {why}" if why else self._awaited.pose
+            return [Fault(FaultKind.POSE_STALE, f"no pose received yet{what}")]
         last, arrived = self._pose[0], self._pose_arrived
         if arrived is None or now - arrived > timeout:
-            return [_stale(FaultKind.POSE_STALE, "no pose", now - last, timeout)]
+            stale = _stale(FaultKind.POSE_STALE, "no pose", now - last, timeout)
+            return [Fault(stale.kind, f"{stale.reason}; {why}") if why else stale]
         if now - last > timeout:
             stamp = self._pose_order.newest
             return [

@@ -6,7 +6,7 @@ from common.geometry import Pose
 from deploy.bridge.inputs import Inputs
 from deploy.mapping.robot_map import RobotMap
 from deploy.profiles import load_deploy_config
-from deploy.ros2 import Received
+from deploy.ros2 import Received, RosError
 from deploy.ros2.conversions import odometry, transform, transform_message
 from deploy.safety.health import FaultKind, HealthMonitor
 
@@ -92,3 +92,25 @@ def test_two_that_agree_are_no_fault(pose):
         else:
             robot.publisher(rate, robot.odometry(0.05 if lag else 0.0), lag)
     assert robot.jumps() == ""
+
+
+def test_a_robot_whose_odometry_changes_its_frame_is_told_why_its_poses_do_not_count():
+    robot = Robot()
+
+    def hear(now, frame):
+        robot.inputs.take_odometry(odometry(now, frame, "base_link", Pose(0.0, 0.0)), Received(now, 0, 0))
+
+    for tick in range(50):
+        hear(100.0 + 0.1 * tick, "odom" if tick < 20 else "odom_combined")
+    (fault,) = (each for each in robot.health.check(105.0) if each.kind is FaultKind.POSE_STALE)
+    assert "those that arrive do not count: the odometry changed from the frame 'odom' to 'odom_comb" in fault.reason
+    (fault,) = (each for each in robot.health.check(120.0) if each.kind is FaultKind.POSE_STALE)
+    assert fault.reason.startswith("no pose for 18.1 s (limit") and fault.reason.endswith(")")
+
+
+def test_a_robot_that_never_had_a_pose_is_told_why():
+    robot = Robot()
+    with pytest.raises(RosError):
+        robot.inputs.take_odometry(odometry(100.0, "odom", "base_link", Pose(float("nan"), 0.0)), Received(100.0, 0, 0))
+    (fault,) = (each for each in robot.health.check(100.1) if each.kind is FaultKind.POSE_STALE)
+    assert fault.reason.startswith("no pose received yet; those that arrive do not count: a position must be finite")
