@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -13,6 +13,8 @@ from benchmarks.paper.plan import IMITATION, MAPS, UPDATES, Task
 
 AT: Final = tuple(range(IMITATION, UPDATES + 1, 600))
 """Updates at which a curve has points: the end of imitation, and thirds of what follows."""
+NEAR: Final = 200
+"""A checkpoint may be so many updates away from its point: they are written by the clock."""
 WORLDS: Final = 60
 """Of the validation part of the public training maps, which no training has seen."""
 
@@ -27,22 +29,31 @@ def label(updates: int) -> str:
     return f"updates-{updates}"
 
 
-def nearest_checkpoint(run: Path, updates: int) -> str | None:
-    """Return the checkpoint of a run that is nearest to a number of updates; None where the run has none."""
+def checkpoint_at(run: Path, updates: int) -> str | None:
+    """Return the checkpoint of a run that is nearest to a number of updates; None where none is near."""
     names = [folder.name for folder in (run / "checkpoints").glob("[0-9]*")]
-    return min(names, key=lambda name: abs(int(name) - updates), default=None)
+    nearest = min(names, key=lambda name: abs(int(name) - updates), default=None)
+    return nearest if nearest is not None and abs(int(nearest) - updates) <= NEAR else None
 
 
-def curves(kept: Mapping[str, Sequence[Results]]) -> str:
+def curves(kept: Mapping[str, Mapping[int, Results]]) -> str:
     """Return curves as Markdown: mean travel, and what the last third of the updates after imitation was worth.
 
     Args:
-        kept: by training, the results of its points in the order of `AT`.
+        kept: by training, the results of its points, by updates; those without a checkpoint are missing.
     """
     titles = ["training", *(f"{at:,} [px]" for at in AT), f"{AT[-1]:,} / {AT[-2]:,}", "95 % interval"]
-    cells = []
-    for name, points in kept.items():
-        means = [number(summarise(point).mean / point.metres_per_pixel, 1) for point in points]
-        gain = compare(points[-1], points[-2])
-        cells.append([name, *means, f"{gain.ratio:.3f}", f"{gain.low:.3f} to {gain.high:.3f}"])
+    cells = [[name, *(_mean(points.get(at)) for at in AT), *_gain(points)] for name, points in kept.items()]
     return render(titles, cells, "markdown").strip() if cells else ""
+
+
+def _mean(point: Results | None) -> str:
+    return "-" if point is None else number(summarise(point).mean / point.metres_per_pixel, 1)
+
+
+def _gain(points: Mapping[int, Results]) -> tuple[str, str]:
+    """Return the ratio of the last two points, and its interval."""
+    if AT[-1] not in points or AT[-2] not in points:
+        return "-", ""
+    gain = compare(points[AT[-1]], points[AT[-2]])
+    return f"{gain.ratio:.3f}", f"{gain.low:.3f} to {gain.high:.3f}"

@@ -101,9 +101,9 @@ def _curves(folders: Folders) -> str:
     kept = {}
     for training in TRAININGS:
         for seed in SEEDS:
-            files = [folders.point(training.name, seed, at) for at in AT]
-            if all(file.exists() for file in files):
-                kept[f"{training.name}-{seed}"] = [read_results(file) for file in files]
+            files = {at: folders.point(training.name, seed, at) for at in AT}
+            if points := {at: read_results(file) for at, file in files.items() if file.exists()}:
+                kept[f"{training.name}-{seed}"] = points
     return curves(kept)
 
 

@@ -80,12 +80,20 @@ class Folders:
         trained = training is None or self.policy(training[0].name, training[1]).exists()
         return trained and all(self.packed(place.table, place.row).exists() for place in places)
 
-    def points_left(self, training: Training, seed: int) -> list[int]:
-        """Return which points of a learning curve can be made: none without a policy, or where the run is gone."""
+    def points_left(self, training: Training, seed: int) -> dict[int, str]:
+        """Return the checkpoints of which points of a learning curve can be made, by updates.
+
+        There are none before the policy is kept, and where the run is gone.
+        """
+        if not self.policy(training.name, seed).exists():
+            return {}
         run = self.run(training.name, seed)
-        if not self.policy(training.name, seed).exists() or curves.nearest_checkpoint(run, UPDATES) is None:
-            return []
-        return [at for at in curves.AT if not self.point(training.name, seed, at).exists()]
+        near = {at: curves.checkpoint_at(run, at) for at in curves.AT}
+        return {
+            at: name
+            for at, name in near.items()
+            if name is not None and not self.point(training.name, seed, at).exists()
+        }
 
     def updates(self, training: str, seed: int) -> int:
         """Return how many updates a training has made, 0 before it began."""
@@ -161,8 +169,7 @@ class Steps:
         folders = self._folders
         run = folders.run(training.name, seed)
         out = folders.work / "curves" / run.name
-        for at in folders.points_left(training, seed):
-            checkpoint = curves.nearest_checkpoint(run, at) or "last"
+        for at, checkpoint in folders.points_left(training, seed).items():
             policy = out / f"{checkpoint}.safetensors"
             out.mkdir(parents=True, exist_ok=True)
             export = ["learner", "export", "--runs", str(run.parent), "--run", run.name]

@@ -17,7 +17,7 @@ from benchmarks.paper import page as pages
 from benchmarks.paper import plan
 from benchmarks.paper.ablation import ablation
 from benchmarks.paper.claims import CLAIMS, drives, succeeds
-from benchmarks.paper.curves import AT, nearest_checkpoint
+from benchmarks.paper.curves import AT
 from benchmarks.paper.plan import TABLES, TRAININGS, Place, Row, work
 from benchmarks.paper.scenes import garden, laboratory, make_scenes, start_places
 from benchmarks.paper.steps import Folders, StepError, Steps, read_costs
@@ -123,26 +123,32 @@ def test_the_ablation_compares_the_means_of_seeds_with_everything_together(tmp_p
     assert ablation({"navigation": found[3:]}) == ""
 
 
-def test_a_curve_takes_the_nearest_checkpoints_of_a_run_that_is_there(tmp_path):
+def test_a_curve_takes_the_checkpoints_near_its_points_of_a_run_that_is_there(tmp_path):
     here = folders(tmp_path)
     training = TRAININGS[0]
     run = here.run(training.name, 1)
-    for name in ("000000000", "000001260", "000001790", "000001900", "000003000", "last"):
+    for name in ("000000000", "000001260", "000001790", "000001900", "000002440", "000003000", "last"):
         (run / "checkpoints" / name).mkdir(parents=True)
-    assert [nearest_checkpoint(run, at) for at in AT] == ["000001260", "000001790", "000001900", "000003000"]
-    assert here.points_left(training, 1) == []
+    assert here.points_left(training, 1) == {}
     here.policy(training.name, 1).parent.mkdir(parents=True)
     here.policy(training.name, 1).touch()
-    assert here.points_left(training, 1) == list(AT)
+    assert here.points_left(training, 1) == dict(
+        zip(AT, ("000001260", "000001790", "000002440", "000003000"), strict=True)
+    )
+    (run / "checkpoints" / "000002440").rmdir()
+    assert 2_400 not in here.points_left(training, 1)
     for at, factor in zip(AT, (1.3, 1.2, 1.0, 0.9), strict=True):
         write_results(tmp_path / "one.json", results(f"updates-{at}", [100.0 * factor, 110.0 * factor]))
         write_packed(tmp_path / "one.json", here.point(training.name, 1, at))
-    assert here.points_left(training, 1) == []
+    assert here.points_left(training, 1) == {}
     shutil.rmtree(here.work)
     copy = tmp_path / "paper.md"
     shutil.copyfile(pages.PAGE, copy)
     pages.write_page(here, copy)
     assert f"| {training.name}-1 | 546.0 | 504.0 | 420.0 | 378.0 | 0.900 | 0.900 to 0.900 |" in copy.read_text()
+    here.point(training.name, 1, 2_400).unlink()
+    pages.write_page(here, copy)
+    assert f"| {training.name}-1 | 546.0 | 504.0 | - | 378.0 | - |" in copy.read_text()
 
 
 def test_what_is_kept_names_no_folder_of_the_machine_that_made_it():
