@@ -234,7 +234,7 @@ def test_a_robot_whose_stack_does_not_run_holds_and_says_so_until_it_does():
         time.sleep(2.0)
         assert (state(robot), robot.status["bans"]) == ("holding", 0)
         robot.node.subscribe("/goal_pose", "geometry_msgs/msg/PoseStamped", lambda m, _: goals.append(m))
-        assert eventually(lambda: state(robot) == "running" and goals)
+        assert eventually(lambda: state(robot) == "running" and goals, 45.0)
 
 
 @pytest.mark.timeout(120)
