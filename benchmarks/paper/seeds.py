@@ -13,12 +13,12 @@ from benchmarks.paper.plan import SEEDS
 def same_planner(found: Sequence[Results], label: str) -> list[Results]:
     """Return the results of a label, or those of all its seeds that are done."""
     named = [results for results in found if results.planner == label]
-    return named or [results for results in found if results.planner in {f"{label}-{seed}" for seed in SEEDS}]
+    return named or _of_seeds(found, label)
 
 
 def seeds_done(found: Sequence[Results], label: str) -> int:
     """Return how many seeds of a trained planner are done; 0 for one that is not trained."""
-    return sum(results.planner in {f"{label}-{seed}" for seed in SEEDS} for results in found)
+    return len(_of_seeds(found, label))
 
 
 def mean_of_seeds(found: Sequence[Results], label: str) -> Results | None:
@@ -33,3 +33,8 @@ def mean_of_seeds(found: Sequence[Results], label: str) -> Results | None:
         if all(episode.map in each for each in distances)
     ]
     return same[0].model_copy(update={"planner": label, "episodes": episodes})
+
+
+def _of_seeds(found: Sequence[Results], label: str) -> list[Results]:
+    labels = {f"{label}-{seed}" for seed in SEEDS}
+    return [results for results in found if results.planner in labels]

@@ -157,8 +157,7 @@ class Steps:
         self._carry_out(["learner", *options], run.name)
         if folders.updates(training.name, seed) < UPDATES:
             raise StepError(f"the training {run.name} ended early: see {self._log(run.name)}")
-        policy.parent.mkdir(parents=True, exist_ok=True)
-        self._carry_out(["learner", "export", *place, "--which", "last", "--out", str(policy)], run.name)
+        self._export(run, "last", policy, run.name)
 
     def draw_curve(self, training: Training, seed: int) -> None:
         """Drive the checkpoints of a training, or continue; nothing to do where that is kept, or the run is gone.
@@ -171,9 +170,7 @@ class Steps:
         out = folders.work / "curves" / run.name
         for at, checkpoint in folders.points_left(training, seed).items():
             policy = out / f"{checkpoint}.safetensors"
-            out.mkdir(parents=True, exist_ok=True)
-            export = ["learner", "export", "--runs", str(run.parent), "--run", run.name]
-            self._carry_out([*export, "--which", checkpoint, "--out", str(policy)], f"curve-{run.name}")
+            self._export(run, checkpoint, policy, f"curve-{run.name}")
             drive = ["actors.evaluation", "run", "--planner", "hdplanner", "--policy", str(policy), "--jobs", "1"]
             where = ["--label", curves.label(at), "--out", str(out), *folders.filled(curves.options(training.task))]
             self._carry_out([*drive, *where], f"curve-{run.name}")
@@ -208,6 +205,12 @@ class Steps:
         command = ["actors.evaluation", table.kind, "--planner", row.planner, *own, "--jobs", "1"]
         self._carry_out([*command, "--out", str(out), *options], name)
         write_packed(out / f"{row.label}.json", packed)
+
+    def _export(self, run: Path, which: str, policy: Path, name: str) -> None:
+        """Write the policy of a run's checkpoint, as part of the step of this name."""
+        policy.parent.mkdir(parents=True, exist_ok=True)
+        place = ["--runs", str(run.parent), "--run", run.name, "--which", which, "--out", str(policy)]
+        self._carry_out(["learner", "export", *place], name)
 
     def _carry_out(self, module: Sequence[str], name: str, good: Sequence[int] = (0,)) -> None:
         """Run a module with its arguments to its end, with its output in a log, and add up what it took."""
