@@ -10,8 +10,7 @@ PACKAGES := $(VENV)/.packages
 # Real ROS 2 as wheels, in an environment beside the other one.
 ROS_VENV := .venv-ros
 ROS_STAMP := $(ROS_VENV)/.installed
-# Processes of a test run. Tests wait for real processes as long as they compute: one more than two cores have.
-JOBS ?= 3
+JOBS ?= 2
 MINUTES ?= 30
 JSON ?= build/bench.json
 # Children that a test starts, and the processes of a parallel run, read what one has translated.
